@@ -12,9 +12,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use against::{Apart, apart};
-use govtwin::bag::{self, ReadOptions};
-use govtwin::recording::{Process, Recording};
-use govtwin::twin::Cut;
+use govtwin_bag::ReadOptions;
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::twin::Cut;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 /// What the default method promises, pu.
@@ -38,9 +38,10 @@ fn main() {
     let mut paths = Vec::new();
     bags(&folder.join("practice"), &mut paths);
     bags(&folder.join("reference"), &mut paths);
-    let read = |path: &PathBuf| bag::read(path, &ReadOptions::default()).expect("a shipped recording").recording;
+    let read =
+        |path: &PathBuf| govtwin_bag::read(path, &ReadOptions::default()).expect("a shipped recording").recording;
     let recordings: Vec<Recording> = paths.par_iter().map(read).collect();
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
 
     let mut out = std::io::stdout().lock();
     let mut say = |text: String| drop(out.write_all(text.as_bytes()));

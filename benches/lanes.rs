@@ -14,15 +14,15 @@ use std::hint::black_box;
 use std::io::Write;
 use std::path::Path;
 
-use govtwin::bag::{self, ReadOptions};
-use govtwin::likelihood::noise;
-use govtwin::likelihood::prepared::PreparedRecording;
-use govtwin::likelihood::problem::Problem;
-use govtwin::parameters::{ENTRIES, Unit};
-use govtwin::params;
-use govtwin::plant::lanes::Width;
-use govtwin::recording::Process;
-use govtwin::twin::Twin;
+use govtwin_bag::ReadOptions;
+use govtwin_diagnosis::likelihood::noise;
+use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
+use govtwin_diagnosis::likelihood::problem::Problem;
+use govtwin_model::parameters::{ENTRIES, Unit};
+use govtwin_model::params;
+use govtwin_model::plant::lanes::Width;
+use govtwin_model::recording::Process;
+use govtwin_model::twin::Twin;
 use rustix::time::{ClockId, clock_gettime};
 
 /// Units that are judged at once.
@@ -110,13 +110,13 @@ fn time_s(work: impl FnOnce()) -> f64 {
 fn recording(process: Process) -> PreparedRecording {
     let bags = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/practice/case_01");
     let path = bags.join(process.id()).with_extension("mcap");
-    PreparedRecording::new(bag::read(&path, &ReadOptions::default()).expect("a shipped recording").recording)
+    PreparedRecording::new(govtwin_bag::read(&path, &ReadOptions::default()).expect("a shipped recording").recording)
 }
 
 /// The shipped unit with each of its first parameters moved a little.
 fn units() -> Vec<Unit> {
     let reference = params::reference();
-    let moved = |entry: &govtwin::parameters::ParameterEntry| {
+    let moved = |entry: &govtwin_model::parameters::ParameterEntry| {
         let mut unit = reference.clone();
         let value = (entry.get)(&unit.parameters);
         (entry.set)(&mut unit.parameters, 1.01 * value);

@@ -11,16 +11,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use futures::StreamExt;
-use govtwin::bag::{self, cdr};
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
-use govtwin::node::arguments::Arguments;
-use govtwin::node::bus::Bus;
-use govtwin::node::environment::Environment;
-use govtwin::node::policy::NodeInput;
-use govtwin::node::realtime::{
+use govtwin_bag::cdr;
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
+use govtwin_node::arguments::Arguments;
+use govtwin_node::bus::Bus;
+use govtwin_node::environment::Environment;
+use govtwin_node::policy::NodeInput;
+use govtwin_node::realtime::{
     Until, Wishes, claim, lock_memory, monotonic_ns, pause, resident_bytes, sleep_until, wall_ns,
 };
-use govtwin::node::stats::Stats;
+use govtwin_node::stats::Stats;
 use hdrhistogram::Histogram;
 
 const PERIOD_NS: i64 = 1_000_000;
@@ -107,7 +107,7 @@ fn peer(seconds: u64) -> Seen {
 fn latencies(bag: &Path, seen: &Seen) -> [Histogram<u64>; 2] {
     let new = || Histogram::new_with_bounds(1, 10_000_000_000, 3).expect("constant bounds");
     let (mut to_tick, mut to_state): (Histogram<u64>, Histogram<u64>) = (new(), new());
-    for message in bag::messages(bag).expect("the node's bag") {
+    for message in govtwin_bag::messages(bag).expect("the node's bag") {
         let message = message.expect("a message");
         if message.topic.name != "/governor/command" {
             continue;

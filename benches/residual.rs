@@ -6,22 +6,22 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use govtwin::bag::{self, ReadOptions};
-use govtwin::frame::{EsvState, Frame, Inputs, Signals};
-use govtwin::recording::Recording;
-use govtwin::replay::simulate;
-use govtwin::residual::booster::{Hyperparameters, Reference};
-use govtwin::residual::corrector::Corrector;
-use govtwin::residual::features;
-use govtwin::residual::model::{Learned, Model};
-use govtwin::residual::prepare::prepare;
-use govtwin::residual::row::{Opening, RateOfInputs};
-use govtwin::residual::search::bayesian;
-use govtwin::residual::split::{folds, seven_to_three};
-use govtwin::residual::table::{TableLayout, table};
-use govtwin::residual::training::{self, GuardKind};
-use govtwin::signal::Signal;
-use govtwin::twin::Twin;
+use govtwin_bag::ReadOptions;
+use govtwin_correction::booster::{Hyperparameters, Reference};
+use govtwin_correction::corrector::Corrector;
+use govtwin_correction::features;
+use govtwin_correction::model::{Learned, Model};
+use govtwin_correction::prepare::prepare;
+use govtwin_correction::row::{Opening, RateOfInputs};
+use govtwin_correction::search::bayesian;
+use govtwin_correction::split::{folds, seven_to_three};
+use govtwin_correction::table::{TableLayout, table};
+use govtwin_correction::training::{self, GuardKind};
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::recording::Recording;
+use govtwin_model::replay::simulate;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Twin;
 
 /// Percentiles of durations, us.
 fn told(name: &str, mut ns: Vec<u64>) {
@@ -45,7 +45,7 @@ fn recordings() -> Vec<Recording> {
     } else {
         given
     };
-    paths.iter().map(|path| bag::read(path, &ReadOptions::default()).unwrap().recording).collect()
+    paths.iter().map(|path| govtwin_bag::read(path, &ReadOptions::default()).unwrap().recording).collect()
 }
 
 /// A minute of a moving unit, a frame each millisecond.
@@ -93,7 +93,7 @@ fn steps(name: &str, twin: &Twin, model: &Model, frames: &[Frame]) {
 }
 
 fn main() {
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
     let prepared = prepare(recordings(), Signal::SpoolPosition);
     let twin = Twin::new(&unit);
     let estimates: Vec<_> = prepared.recordings.iter().map(|one| simulate(&mut twin.clone(), one)).collect();

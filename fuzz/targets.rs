@@ -4,20 +4,21 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use govtwin::bag::{self, ReadOptions, Rows, cdr};
-use govtwin::diagnosis::result::schema::DiagnosisReport;
-use govtwin::digest::sha256;
-use govtwin::effects::own::expression::Expression;
-use govtwin::effects::own::names;
-use govtwin::files;
-use govtwin::frame::Frame;
-use govtwin::import::suggest::suggest;
-use govtwin::import::{Import, ImportError, Map};
-use govtwin::msg::definition::{difference, parse_schema};
-use govtwin::msg::type_hash::hash_of;
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, TwinStatus};
-use govtwin::params::{self, labels};
-use govtwin::residual::model::{Model, SCHEMA};
+use govtwin_bag::import::suggest::suggest;
+use govtwin_bag::import::{Import, ImportError, Map};
+use govtwin_bag::msg::definition::{difference, parse_schema};
+use govtwin_bag::msg::type_hash::hash_of;
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, TwinStatus};
+use govtwin_bag::{ReadOptions, Rows, cdr};
+use govtwin_correction::model::{Model, SCHEMA};
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_files::digest::sha256;
+use govtwin_lab::benchmark::scored_report::ScoredReport as _;
+use govtwin_lab::labels;
+use govtwin_model::effects::own::expression::Expression;
+use govtwin_model::effects::own::names;
+use govtwin_model::frame::Frame;
+use govtwin_model::params;
 
 /// A target: any bytes.
 pub type Target = fn(&[u8]);
@@ -60,9 +61,9 @@ impl Rows for Count {
 
 fn read_all_ways(path: &Path) {
     let options = ReadOptions { required: vec![], ..ReadOptions::default() };
-    let whole = bag::read(path, &options);
+    let whole = govtwin_bag::read(path, &options);
     let mut rows = Count::default();
-    let streamed = bag::read_rows(path, &options, &mut rows);
+    let streamed = govtwin_bag::read_rows(path, &options, &mut rows);
     // Row by row there is what there is as a whole.
     match (whole, streamed) {
         (Ok(whole), Ok(health)) => {
@@ -71,10 +72,10 @@ fn read_all_ways(path: &Path) {
         }
         (whole, streamed) => assert_eq!(whole.is_ok(), streamed.is_ok()),
     }
-    if let Ok((survey, _)) = bag::look(path, &options) {
+    if let Ok((survey, _)) = govtwin_bag::look(path, &options) {
         assert_eq!(survey.files.iter().map(|file| file.messages).sum::<u64>(), survey.messages);
     }
-    if let Ok(messages) = bag::messages(path) {
+    if let Ok(messages) = govtwin_bag::messages(path) {
         let mut before_ns = i64::MIN;
         for message in messages.flatten() {
             assert!(before_ns <= message.log_time_ns, "messages come in log-time order");
@@ -111,7 +112,7 @@ pub fn layout(bytes: &[u8]) {
     let file = [b"\x89MCAP0\r\n".to_vec(), record(3, &schema), record(4, &channel), record(5, &message)].concat();
     let path = dir.path().join("a.mcap");
     if fs::write(&path, file).is_ok() {
-        let survey = bag::survey(&path).expect("a bag");
+        let survey = govtwin_bag::survey(&path).expect("a bag");
         let topic = survey.topics.iter().find(|topic| topic.name == "/a").expect("its topic");
         assert!(
             topic.fields.iter().map(|field| field.finite + field.nan + field.infinite).sum::<u64>()
@@ -126,8 +127,8 @@ pub fn metadata(bytes: &[u8]) {
     let written = fs::write(dir.path().join("metadata.yaml"), bytes)
         .and_then(|()| fs::write(dir.path().join("a_0.mcap"), b"\x89MCAP0\r\n"));
     if written.is_ok() {
-        let _ = bag::survey(dir.path());
-        let _ = bag::read(dir.path(), &ReadOptions::default());
+        let _ = govtwin_bag::survey(dir.path());
+        let _ = govtwin_bag::read(dir.path(), &ReadOptions::default());
     }
 }
 
@@ -169,7 +170,7 @@ pub fn yaml(bytes: &[u8]) {
     let Some(dir) = scratch() else { return };
     let Some(path) = in_file(dir.path(), bytes) else { return };
     if let Ok(sheet) = params::load_sheet(&path) {
-        for entry in govtwin::parameters::ENTRIES {
+        for entry in govtwin_model::parameters::ENTRIES {
             let value = (entry.get)(&sheet.unit.parameters);
             assert!((entry.min..=entry.max).contains(&value), "{} is {value}", entry.key);
         }
@@ -208,7 +209,7 @@ pub fn model(bytes: &[u8]) {
                 let _ = forest.value(&vec![value; features]);
             }
             let _ = model.check(&params::reference(), model.opening);
-            let _ = govtwin::residual::corrector::Corrector::new(&model);
+            let _ = govtwin_correction::corrector::Corrector::new(&model);
         }
     }
 }
@@ -233,7 +234,7 @@ pub fn journal(bytes: &[u8]) {
         .and_then(|()| fs::write(&outside, "mine"))
         .and_then(|()| fs::write(folder.join(".govtwin.journal"), bytes));
     if written.is_ok() {
-        let _ = files::settle(&folder.join("report.json"));
+        let _ = govtwin_files::settle(&folder.join("report.json"));
         assert_eq!(fs::read_to_string(&outside).ok().as_deref(), Some("mine"));
         assert_eq!(fs::read_dir(dir.path()).map_or(0, Iterator::count), 2);
     }
@@ -251,7 +252,7 @@ pub fn import(bytes: &[u8]) {
     }
     let run = |map: &Map| {
         let (mut handed_on, mut warned_back, mut before_ns) = (0, false, i64::MIN);
-        let mut on_row = |row: &govtwin::import::ImportedRow| {
+        let mut on_row = |row: &govtwin_bag::import::ImportedRow| {
             handed_on += 1;
             warned_back |= row.time_ns < before_ns;
             before_ns = row.time_ns;
@@ -269,7 +270,7 @@ pub fn import(bytes: &[u8]) {
     }
     if let Ok(proposed) = suggest(&path, &Map::default(), &mut |_| {}) {
         run(&proposed.map);
-        let text = govtwin::import::map_text(&proposed.map, &[], |_| String::new());
+        let text = govtwin_bag::import::map_text(&proposed.map, &[], |_| String::new());
         if proposed.open.is_empty() && proposed.map.signals.iter().any(|signal| signal.place().is_some()) {
             Map::parse(&text, Path::new("map.yaml")).expect("what is proposed can be read");
         }

@@ -13,7 +13,7 @@ use crate::commands::{Outcome, Usage};
 static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
     let version = env!("CARGO_PKG_VERSION");
     #[cfg(feature = "node")]
-    let text = format!("{version}\n{}", govtwin::node::transport::DESCRIPTION);
+    let text = format!("{version}\n{}", govtwin_node::transport::DESCRIPTION);
     #[cfg(not(feature = "node"))]
     let text = format!("{version}, built without the node");
     text
@@ -42,10 +42,19 @@ enum Command {
     /// Measure a unit against acceptance limits, as found and without each of its faults.
     Accept(commands::accept::Args),
     /// Diagnose every unit of a folder, and score the verdicts if the true faults are known.
+    #[cfg(feature = "lab")]
     #[command(visible_alias = "benchmark")]
     Blind(commands::blind::Args),
+    /// Diagnose every unit of a folder, and score the verdicts if the true faults are known (not in this build).
+    #[cfg(not(feature = "lab"))]
+    #[command(visible_alias = "benchmark")]
+    Blind(Absent),
     /// Learn the weights of the posterior from diagnosed units whose faults are known.
+    #[cfg(feature = "lab")]
     Calibrate(commands::calibrate::Args),
+    /// Learn the weights of the posterior from diagnosed units whose faults are known (not in this build).
+    #[cfg(not(feature = "lab"))]
+    Calibrate(Absent),
     /// Validate a parameter file, and print the unit that it describes.
     Check(commands::check::Args),
     /// Diagnose why a unit differs from its twin: where, which effect, and how much it explains.
@@ -111,7 +120,7 @@ enum Command {
 }
 
 /// Arguments of a command that this build does not have: whatever they are, the answer is which build has it.
-#[cfg(not(all(feature = "residual", feature = "node")))]
+#[cfg(not(all(feature = "lab", feature = "residual", feature = "node")))]
 #[derive(Debug, clap::Args)]
 struct Absent {
     #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
@@ -119,10 +128,11 @@ struct Absent {
 }
 
 /// Which build has a command.
-#[cfg(not(all(feature = "residual", feature = "node")))]
+#[cfg(not(all(feature = "lab", feature = "residual", feature = "node")))]
 fn absent(command: &str, feature: &str) -> anyhow::Result<Outcome> {
     let needs = match feature {
         "residual" => "it needs CMake 3.28, a C++ compiler and libclang, which scripts/test sets up",
+        "lab" => "it is the laboratory, which measures the program and is no part of it",
         _ => "it needs Linux, and is in the default build",
     };
     anyhow::bail!(
@@ -155,8 +165,14 @@ pub fn main() -> ExitCode {
     }
     let outcome = match command {
         Command::Accept(args) => commands::accept::run(&args),
+        #[cfg(feature = "lab")]
         Command::Blind(args) => commands::blind::run(&args),
+        #[cfg(not(feature = "lab"))]
+        Command::Blind(_) => absent("blind", "lab"),
+        #[cfg(feature = "lab")]
         Command::Calibrate(args) => commands::calibrate::run(&args),
+        #[cfg(not(feature = "lab"))]
+        Command::Calibrate(_) => absent("calibrate", "lab"),
         Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Check(args) => commands::check::run(&args),
         Command::Doctor(args) => commands::doctor::run(&args),

@@ -2,9 +2,11 @@
 
 pub mod accept;
 pub mod bags;
+#[cfg(feature = "lab")]
 pub mod blind;
 #[cfg(feature = "node")]
 mod bus_map;
+#[cfg(feature = "lab")]
 pub mod calibrate;
 pub mod check;
 #[cfg(feature = "residual")]

@@ -66,109 +66,15 @@ compile_error!(
     "the feature `node` needs `jazzy` (ROS 2 Iron and later) or `humble`: the node's identity on the wire differs between them"
 );
 
-// words
-#[doc(hidden)]
-pub mod digest;
-#[doc(hidden)]
-pub mod frame;
-#[doc(hidden)]
-pub mod parameters;
-#[doc(hidden)]
-pub mod recording;
-#[doc(hidden)]
-pub mod signal;
-#[doc(hidden)]
-pub mod state;
-pub(crate) mod stored;
-#[doc(hidden)]
-pub mod units;
-
-// physics
-#[doc(hidden)]
-pub mod plant;
-#[doc(hidden)]
-pub mod provenance;
-#[doc(hidden)]
-pub mod solver;
-
-// corrections
-#[doc(hidden)]
-pub mod effects;
-#[doc(hidden)]
-pub mod residual;
-
-// heart
-#[doc(hidden)]
-pub mod twin;
-
-// judgement
-#[doc(hidden)]
-pub mod acceptance;
-#[cfg(feature = "lab")]
-#[doc(hidden)]
-pub mod baselines;
-#[cfg(feature = "lab")]
-#[doc(hidden)]
-pub mod battery;
-#[cfg(feature = "lab")]
-#[doc(hidden)]
-pub mod benchmark;
-#[cfg(feature = "lab")]
-#[doc(hidden)]
-pub mod comparison;
-#[doc(hidden)]
-pub mod diagnosis;
-#[doc(hidden)]
-pub mod estimation;
-#[doc(hidden)]
-pub mod fleet;
-#[doc(hidden)]
-pub mod generate;
-#[doc(hidden)]
-pub mod identification;
-#[doc(hidden)]
-pub mod likelihood;
-#[doc(hidden)]
-pub mod metrics;
-#[doc(hidden)]
-pub mod replay;
-#[doc(hidden)]
-pub mod report;
-#[doc(hidden)]
-pub mod sheet;
-#[doc(hidden)]
-pub mod stage_alone;
-#[doc(hidden)]
-pub mod trend;
-#[doc(hidden)]
-pub mod watch;
-
-// edges
-#[doc(hidden)]
-pub mod bag;
-#[doc(hidden)]
-pub mod files;
-#[doc(hidden)]
-pub mod import;
-#[doc(hidden)]
-pub mod msg;
-#[cfg(feature = "node")]
-#[doc(hidden)]
-pub mod node;
-#[doc(hidden)]
-pub mod params;
-#[doc(hidden)]
-pub mod store;
-
 // A unit, and the data sheet that describes it.
-pub use effects::on_unit::EffectError;
-pub use effects::own::OwnError;
-pub use effects::{CATALOGUE, EffectParameter, EffectSpec, Stage};
-pub use parameters::{
+pub use govtwin_model::effects::on_unit::EffectError;
+pub use govtwin_model::effects::own::OwnError;
+pub use govtwin_model::effects::{CATALOGUE, EffectParameter, EffectSpec, Stage};
+pub use govtwin_model::parameters::{
     ChannelReading, ChannelReadings, EffectSetting, OwnEffect, OwnParameter, Parameters, Sensor, Sensors, Tolerance,
     Unit,
 };
-pub use params::{
+pub use govtwin_model::params::{
     FileProblem, Overlay, ParamsError, load as load_unit, reference as reference_unit, write as write_unit,
 };
 
@@ -185,26 +91,28 @@ pub use params::{
 /// assert!(error.to_string().contains("bags/nowhere"));
 /// # Ok::<(), govtwin::BagError>(())
 /// ```
-pub use bag::read as read_bag;
-pub use bag::{BagError, Health, Interpolation, Loaded, Positions, ReadOptions, Stream, Topics};
-pub use frame::{Estimate, EsvState, Frame, Inputs, Signals};
-pub use recording::{Process, Recording};
-pub use signal::Signal;
+pub use govtwin_bag::read as read_bag;
+pub use govtwin_bag::{BagError, Health, Interpolation, Loaded, Positions, ReadOptions, Stream, Topics};
+pub use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+pub use govtwin_model::recording::{Process, Recording};
+pub use govtwin_model::signal::Signal;
 
 // The twin, and how far it is from what was measured.
-pub use metrics::Figures;
-pub use replay::{Replayed, Scores, replay};
-pub use solver::Method;
-pub use twin::{Cut, Twin};
+pub use govtwin_model::metrics::Figures;
+pub use govtwin_model::replay::{Replayed, Scores, replay};
+pub use govtwin_model::solver::Method;
+pub use govtwin_model::twin::{Cut, Twin};
 
 // Why a unit differs from its twin.
-pub use diagnosis::result::schema::DiagnosisReport;
-pub use diagnosis::result::{Blame, Diagnosis, Experiment, Fitted, Interval, JudgedBy, Ranked, SignalGap, Verdict};
-pub use diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
-pub use provenance::Provenance;
-pub use report::diagnosis::{page as diagnosis_page, summary as diagnosis_text};
-pub use report::draw::DrawError;
-pub use report::page::Page;
+pub use govtwin_diagnosis::result::schema::DiagnosisReport;
+pub use govtwin_diagnosis::result::{
+    Blame, Diagnosis, Experiment, Fitted, Interval, JudgedBy, Ranked, SignalGap, Verdict,
+};
+pub use govtwin_diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
+pub use govtwin_model::provenance::Provenance;
+pub use govtwin_pages::diagnosis::{page as diagnosis_page, summary as diagnosis_text};
+pub use govtwin_pages::draw::DrawError;
+pub use govtwin_pages::page::Page;
 
 /// The sections of a data sheet, and the table of all its parameters.
 ///
@@ -217,7 +125,7 @@ pub use report::page::Page;
 /// assert_eq!(density.unit, "kg/m3");
 /// ```
 pub mod sections {
-    pub use crate::parameters::{
+    pub use govtwin_model::parameters::{
         DistributingValve, ENTRIES, Esv, MainPorts, Oil, ParameterEntry, ProportionalValve, Regulator, Servomotor,
         entry,
     };

@@ -11,8 +11,8 @@ use std::path::Path;
 use std::process::Command;
 
 use acceptance::{measured, recordings, true_measures, unit};
-use govtwin::acceptance::Measure;
-use govtwin::acceptance::counterfactual::{SizeKnowledge, compare};
+use govtwin_diagnosis::acceptance::Measure;
+use govtwin_diagnosis::acceptance::counterfactual::{SizeKnowledge, compare};
 use program::Run;
 
 #[test]
@@ -45,7 +45,7 @@ fn without_a_fault_the_unit_measures_what_was_foretold() {
         ("command_delay", [0.15], Measure::DeadTime),
         ("cushion", [0.0], Measure::CushionTime),
     ] {
-        let spec = govtwin::effects::find(id).unwrap();
+        let spec = govtwin_model::effects::find(id).unwrap();
         let typical: Vec<f64> = spec.parameters.iter().map(|parameter| parameter.typical).collect();
         let values = if values == [0.0] { typical } else { values.to_vec() };
         let faulty = unit(3, &[(id, &values)]);

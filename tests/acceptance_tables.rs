@@ -5,12 +5,12 @@
 mod acceptance;
 
 use acceptance::{measured, recordings, true_measures, unit};
-use govtwin::acceptance::counterfactual::compare;
-use govtwin::acceptance::{Measure, Measures};
-use govtwin::frame::{EsvState, Frame, Inputs, Signals};
-use govtwin::parameters::Unit;
-use govtwin::recording::{Process, Recording};
-use govtwin::twin::Twin;
+use govtwin_diagnosis::acceptance::counterfactual::compare;
+use govtwin_diagnosis::acceptance::{Measure, Measures};
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::twin::Twin;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -162,7 +162,7 @@ fn what_is_foretold_without_a_fault_is_what_the_unit_without_it_measures() {
         ("regulator_cycle", vec![], vec![Measure::DeadBand]),
         ("servo_friction", vec![60e3], vec![Measure::ClosingTime]),
     ] {
-        let spec = govtwin::effects::find(id).unwrap();
+        let spec = govtwin_model::effects::find(id).unwrap();
         let typical = || spec.parameters.iter().map(|parameter| parameter.typical).collect();
         let values: Vec<f64> = if values.is_empty() { typical() } else { values };
         let faulty = unit(3, &[(id, &values)]);

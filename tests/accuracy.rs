@@ -8,9 +8,9 @@ mod against;
 use std::path::Path;
 
 use against::apart;
-use govtwin::bag::{self, ReadOptions};
-use govtwin::recording::{Process, Recording};
-use govtwin::twin::Cut;
+use govtwin_bag::ReadOptions;
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::twin::Cut;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 /// Longest stretch that is simulated, s: the manoeuvre is in it.
@@ -21,7 +21,7 @@ fn recordings(folder: &str, suffix: &str) -> Vec<Recording> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags").join(folder);
     let read = |process: Process| {
         let path = folder.join(format!("{}{suffix}.mcap", process.id()));
-        let mut recording = bag::read(&path, &ReadOptions::default()).unwrap().recording;
+        let mut recording = govtwin_bag::read(&path, &ReadOptions::default()).unwrap().recording;
         assert_eq!(recording.process, process);
         let until_ns = recording.frames[0].time_ns + (STRETCH_S * 1e9) as i64;
         recording.frames.retain(|frame| frame.time_ns <= until_ns);
@@ -32,7 +32,7 @@ fn recordings(folder: &str, suffix: &str) -> Vec<Recording> {
 
 #[test]
 fn the_default_method_is_within_a_ten_thousandth() {
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
     let mut tasks = Vec::new();
     for recording in [recordings("practice/case_01", ""), recordings("reference", "_01")].concat() {
         tasks.extend([Cut::None, Cut::Servomotor, Cut::Spool].map(|cut| (recording.clone(), cut)));

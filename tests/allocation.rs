@@ -4,12 +4,12 @@
 mod rows;
 
 use allocation_counter::measure;
-use govtwin::effects::CATALOGUE;
-use govtwin::frame::{Frame, Signals};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::recording::Process;
-use govtwin::solver::Method;
-use govtwin::twin::{Cut, Twin};
+use govtwin_model::effects::CATALOGUE;
+use govtwin_model::frame::{Frame, Signals};
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::recording::Process;
+use govtwin_model::solver::Method;
+use govtwin_model::twin::{Cut, Twin};
 
 use rows::{process, run};
 
@@ -45,16 +45,16 @@ fn watch(unit: &Unit, dither_pu: f64) {
 
 #[test]
 fn a_step_does_not_allocate() {
-    watch(&govtwin::params::reference(), 0.0);
+    watch(&govtwin_model::params::reference(), 0.0);
 }
 
 #[test]
 fn nor_does_it_as_a_mean_over_noise_with_every_effect() {
-    let typical = |spec: &govtwin::effects::EffectSpec| EffectSetting {
+    let typical = |spec: &govtwin_model::effects::EffectSpec| EffectSetting {
         id: spec.id.to_owned(),
         values: spec.parameters.iter().map(|parameter| parameter.typical).collect(),
     };
-    let unit = Unit { effects: CATALOGUE.iter().map(typical).collect(), ..govtwin::params::reference() };
+    let unit = Unit { effects: CATALOGUE.iter().map(typical).collect(), ..govtwin_model::params::reference() };
     watch(&unit, unit.sensors.servomotor_position_pu.noise);
 }
 

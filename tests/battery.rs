@@ -1,14 +1,18 @@
 //! The battery: its plants are the twin's kind, not the twin; its faults show; its seeds decide everything.
 #![cfg(feature = "lab")]
 
-use govtwin::battery::{Case, CaseKind, fresh_recordings, make, strength};
-use govtwin::benchmark::validation::explained_fraction;
-use govtwin::generate::spread;
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::params;
-use govtwin::recording::Recording;
-use govtwin::signal::Signal;
-use govtwin::twin::Twin;
+use govtwin_diagnosis::generate::spread;
+use govtwin_diagnosis::likelihood::loop_noise::heard;
+use govtwin_diagnosis::likelihood::noise::expected;
+use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
+use govtwin_diagnosis::likelihood::problem::Problem;
+use govtwin_lab::battery::{Case, CaseKind, fresh_recordings, make, readings, strength};
+use govtwin_lab::benchmark::validation::explained_fraction;
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::params;
+use govtwin_model::recording::Recording;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Twin;
 
 fn case(kind: CaseKind, seed: u64) -> Case {
     Case { name: "case".into(), kind, rate_hz: 100.0, rich: false, seed, alone: None }
@@ -91,4 +95,24 @@ fn what_chatters_louder_is_examined_with_the_noise_of_its_own() {
     let slowed = Unit { effects: vec![setting], ..sound.clone() };
     let closed = explained_fraction(another_day(&unit, &slow), &sound, &slowed).unwrap();
     assert!((0.8..1.2).contains(&closed), "{closed}");
+}
+
+/// Sound plants with other equations than the twin's, that differ in the mean their regulators take, each at its true parameters' sheet.
+#[test]
+fn the_ratio_follows_the_readings_of_which_the_regulator_takes_the_mean() {
+    let unit = params::reference();
+    let ratio_of = |seed: u64| {
+        let kind = CaseKind::Sound;
+        let case = Case { name: "sound".into(), kind, rate_hz: 100.0, rich: false, seed, alone: None };
+        let recordings = make(&unit, &case).recordings().into_iter().map(PreparedRecording::new).collect();
+        let problem = Problem::new(recordings, &unit, &expected(&unit.sensors));
+        heard(problem, &unit).loop_noise_ratio()
+    };
+    let told = |seed: u64| readings(seed);
+    let mut seeds: Vec<u64> = (0..24).collect();
+    seeds.sort_by_key(|seed| told(*seed));
+    let (fewest, most) = (seeds[0], seeds[seeds.len() - 1]);
+    assert!(told(fewest) <= 4 && told(most) >= 10, "{} {}", told(fewest), told(most));
+    let (loud, quiet) = (ratio_of(fewest), ratio_of(most));
+    assert!(loud > 1.3 * quiet && (0.3..0.9).contains(&loud) && quiet < 0.45, "{loud} {quiet}");
 }

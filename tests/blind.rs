@@ -5,19 +5,19 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use govtwin::bag::{self, Interpolation, ReadOptions};
-use govtwin::baselines::BASELINES;
-use govtwin::baselines::ground::Ground;
-use govtwin::benchmark::isolability;
-use govtwin::benchmark::scored::SEEN;
-use govtwin::benchmark::validation::laid_along;
-use govtwin::digest::sha256;
-use govtwin::effects::find;
-use govtwin::frame::{EsvState, Frame};
-use govtwin::params;
-use govtwin::provenance::{FileUsed, Provenance, RecordingGiven, SheetUsed};
-use govtwin::recording::Recording;
-use govtwin::twin::Twin;
+use govtwin_bag::{Interpolation, ReadOptions};
+use govtwin_files::digest::sha256;
+use govtwin_lab::baselines::BASELINES;
+use govtwin_lab::baselines::ground::Ground;
+use govtwin_lab::benchmark::isolability;
+use govtwin_lab::benchmark::scored::SEEN;
+use govtwin_lab::benchmark::validation::laid_along;
+use govtwin_model::effects::find;
+use govtwin_model::frame::{EsvState, Frame};
+use govtwin_model::params;
+use govtwin_model::provenance::{FileUsed, Provenance, RecordingGiven, SheetUsed};
+use govtwin_model::recording::Recording;
+use govtwin_model::twin::Twin;
 use serde_json::Value;
 
 fn report(verdict: &str, blamed: &[(&str, f64)]) -> String {
@@ -121,7 +121,9 @@ fn recordings_tell_of_what_is_large_enough_and_unlike_the_answer() {
     let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/practice/case_03");
     let recordings = || {
         ["load_rejection", "shutdown"]
-            .map(|name| bag::read(&dir.join(format!("{name}.mcap")), &ReadOptions::default()).unwrap().recording)
+            .map(|name| {
+                govtwin_bag::read(&dir.join(format!("{name}.mcap")), &ReadOptions::default()).unwrap().recording
+            })
             .to_vec()
     };
     let unit = params::reference();
@@ -321,7 +323,7 @@ fn without_a_sheet_only_reports_made_without_one_count() {
 fn trip_stamped_late(late_rows: usize) -> (Recording, usize) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/shutdown_01.mcap");
     let sharp = ReadOptions { interpolation: Interpolation::Sharp { period_ns: 1_000_000 }, ..ReadOptions::default() };
-    let mut recording = bag::read(&path, &sharp).unwrap().recording;
+    let mut recording = govtwin_bag::read(&path, &sharp).unwrap().recording;
     let stamped = trip(&recording.frames);
     recording.frames = recording.frames[stamped - 6000..stamped + 8000].to_vec();
     let mut twin = Twin::new(&params::reference());

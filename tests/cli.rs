@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use bags::{BEGIN_NS, ROWS, bag, file_of, in_namespace, with_wrong_type};
-use govtwin::msg::EsvState;
+use govtwin_bag::msg::EsvState;
 use program::Run;
 
 fn govtwin(arguments: &[&str]) -> Run {
@@ -225,7 +225,7 @@ fn without_any_clock_the_times_of_recording_count_also_in_what_is_written() {
     let path = bag(dir.path(), "no_clock", |_, row| row.stamp_ns = 0);
     let figures = recovered(dir.path(), &path, &["/governor/command: 100 of 100 samples have stamp 0"]);
     assert_eq!(servomotor(&figures)["rows"], ROWS);
-    let last_ns = govtwin::bag::survey(&dir.path().join("out/no_clock")).unwrap().last_ns;
+    let last_ns = govtwin_bag::survey(&dir.path().join("out/no_clock")).unwrap().last_ns;
     assert_eq!(last_ns, Some(BEGIN_NS + (ROWS - 1) * 100_000_000));
 }
 

@@ -1,19 +1,19 @@
 //! The diagnosis on generated units: what is planted is named, what is not is not, and nothing is said on too little.
 
-use govtwin::diagnosis::hypotheses::explore;
-use govtwin::diagnosis::model::FittedModel;
-use govtwin::diagnosis::result::schema::DiagnosisReport;
-use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
-use govtwin::effects::find;
-use govtwin::generate::{Scenario, recording, spread};
-use govtwin::identification::free_parameter::FreeParameter;
-use govtwin::likelihood::noise::expected;
-use govtwin::likelihood::prepared::PreparedRecording;
-use govtwin::likelihood::problem::Problem;
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::params::reference;
-use govtwin::recording::{Process, Recording};
+use govtwin_diagnosis::generate::{Scenario, recording, spread};
+use govtwin_diagnosis::hypotheses::explore;
+use govtwin_diagnosis::identification::free_parameter::FreeParameter;
+use govtwin_diagnosis::likelihood::noise::expected;
+use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
+use govtwin_diagnosis::likelihood::problem::Problem;
+use govtwin_diagnosis::model::FittedModel;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_diagnosis::result::{Diagnosis, Verdict};
+use govtwin_diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
+use govtwin_model::effects::find;
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::params::reference;
+use govtwin_model::recording::{Process, Recording};
 
 /// A few effects that resemble each other, so that a test takes seconds.
 const TRIED: [&str; 4] = ["backlash", "port_overlap", "lvdt_bias", "feedback_lag"];

@@ -3,17 +3,17 @@
 
 use std::path::Path;
 
-use govtwin::bag::{self, Interpolation, ReadOptions, Stream};
-use govtwin::battery::{self, Case, CaseKind};
-use govtwin::diagnosis::hypotheses::table::EvidenceRow;
-use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{DiagnosisSettings, diagnose};
-use govtwin::frame::{Frame, Signals};
-use govtwin::params::reference;
-use govtwin::recording::Recording;
+use govtwin_bag::{Interpolation, ReadOptions, Stream};
+use govtwin_diagnosis::hypotheses::table::EvidenceRow;
+use govtwin_diagnosis::result::{Diagnosis, Verdict};
+use govtwin_diagnosis::{DiagnosisSettings, diagnose};
+use govtwin_lab::battery::{self, Case, CaseKind};
+use govtwin_model::frame::{Frame, Signals};
+use govtwin_model::params::reference;
+use govtwin_model::recording::Recording;
 
 fn judged(recordings: Vec<Recording>) -> Diagnosis {
-    let catalogue = govtwin::effects::of_the_chain().collect();
+    let catalogue = govtwin_model::effects::of_the_chain().collect();
     let settings = DiagnosisSettings { catalogue, ..DiagnosisSettings::default() };
     let said = diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap();
     // The verdict rests on evidence of fits that ended.
@@ -61,7 +61,7 @@ fn practice(unit: &str) -> Diagnosis {
         ..ReadOptions::default()
     };
     let recordings = ["startup", "load_increase", "shutdown", "load_rejection"]
-        .map(|process| bag::read(&folder.join(format!("{process}.mcap")), &options).unwrap().recording);
+        .map(|process| govtwin_bag::read(&folder.join(format!("{process}.mcap")), &options).unwrap().recording);
     judged(recordings.to_vec())
 }
 

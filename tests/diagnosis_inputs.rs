@@ -3,14 +3,14 @@
 
 use std::process::Command;
 
-use govtwin::bag::{Interpolation, ReadOptions, read};
-use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
-use govtwin::effects::find;
-use govtwin::generate::{Scenario, recording};
-use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
-use govtwin::params::reference;
-use govtwin::recording::{Process, Recording};
+use govtwin_bag::{Interpolation, ReadOptions, read};
+use govtwin_diagnosis::generate::{Scenario, recording};
+use govtwin_diagnosis::result::{Diagnosis, Verdict};
+use govtwin_diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
+use govtwin_model::effects::find;
+use govtwin_model::parameters::{ENTRIES, EffectSetting, Unit};
+use govtwin_model::params::reference;
+use govtwin_model::recording::{Process, Recording};
 
 /// The sheet with a few tolerances only, so that a test takes seconds.
 fn sheet() -> Unit {

@@ -3,14 +3,12 @@
 #[path = "support/stage.rs"]
 mod stage;
 
-use std::path::Path;
-
-use govtwin::bag;
-use govtwin::diagnosis::result::{Diagnosis, FreeRun, JudgedBy, Verdict};
-use govtwin::diagnosis::{DiagnosisSettings, diagnose};
-use govtwin::params::reference;
-use govtwin::recording::Recording;
+use govtwin_diagnosis::result::{Diagnosis, FreeRun, JudgedBy, Verdict};
+use govtwin_diagnosis::{DiagnosisSettings, diagnose};
+use govtwin_model::params::reference;
+use govtwin_model::recording::Recording;
 use stage::{Spool, record, symmetric, with};
+use std::path::Path;
 
 fn freely(recordings: Vec<Recording>) -> Diagnosis {
     let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
@@ -36,7 +34,7 @@ fn shown(said: &Diagnosis) -> String {
 }
 
 /// A stage alike both ways, twice as wide as the sheet has it.
-fn alike() -> govtwin::parameters::Unit {
+fn alike() -> govtwin_model::parameters::Unit {
     let mut unit = symmetric(&reference());
     unit.parameters.main_ports.width_m *= 2.0;
     unit
@@ -140,8 +138,11 @@ fn a_spool_that_drives_something_else_is_refused() {
 #[ignore = "needs ../shared/bags/real/crane.mcap"]
 fn the_crane_moves_unlike_both_ways_and_the_stage_predicts_it() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/bags/real/crane.mcap");
-    let options = bag::ReadOptions { required: vec![bag::Stream::ServoState], ..bag::ReadOptions::default() };
-    let recording = bag::read(&path, &options).unwrap().recording;
+    let options = govtwin_bag::ReadOptions {
+        required: vec![govtwin_bag::Stream::ServoState],
+        ..govtwin_bag::ReadOptions::default()
+    };
+    let recording = govtwin_bag::read(&path, &options).unwrap().recording;
     let said = freely(vec![recording]);
     assert!(matches!(said.verdict, Verdict::Class | Verdict::Named), "{}", shown(&said));
     assert!(ids(&said).iter().all(|id| ["load", "supply_loss", "port_asymmetry"].contains(id)), "{}", shown(&said));

@@ -4,12 +4,12 @@
 mod bench;
 
 use bench::{farthest, manoeuvre, recording, simulate, typical, with};
-use govtwin::effects::{CATALOGUE, EffectSpec, Stage};
-use govtwin::frame::Estimate;
-use govtwin::parameters::EffectSetting;
-use govtwin::recording::Recording;
-use govtwin::replay;
-use govtwin::twin::{Cut, Twin};
+use govtwin_model::effects::{CATALOGUE, EffectSpec, Stage};
+use govtwin_model::frame::Estimate;
+use govtwin_model::parameters::EffectSetting;
+use govtwin_model::recording::Recording;
+use govtwin_model::replay;
+use govtwin_model::twin::{Cut, Twin};
 use proptest::prelude::{ProptestConfig, any, proptest};
 
 /// The ids that reports and parameter files may count on, by stage.
@@ -230,5 +230,5 @@ fn the_manoeuvre_holds_all_four_processes() {
     let spans = manoeuvre();
     let mut seen: Vec<_> = spans.iter().map(|(name, frames)| Recording::new(*name, frames.clone()).process).collect();
     seen.sort_unstable();
-    assert_eq!(seen, govtwin::recording::Process::ALL);
+    assert_eq!(seen, govtwin_model::recording::Process::ALL);
 }

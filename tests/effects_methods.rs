@@ -4,13 +4,13 @@
 mod bench;
 
 use bench::{farthest, recording, simulate, typical, with};
-use govtwin::effects::CATALOGUE;
-use govtwin::frame::{Estimate, Frame};
-use govtwin::parameters::EffectSetting;
-use govtwin::replay;
-use govtwin::signal::Signal;
-use govtwin::solver::Method;
-use govtwin::twin::{Cut, Twin};
+use govtwin_model::effects::CATALOGUE;
+use govtwin_model::frame::{Estimate, Frame};
+use govtwin_model::parameters::EffectSetting;
+use govtwin_model::replay;
+use govtwin_model::signal::Signal;
+use govtwin_model::solver::Method;
+use govtwin_model::twin::{Cut, Twin};
 
 /// Greatest root mean square of the difference to RK4 at 50 µs, with the measured servomotor position fed to the regulator.
 ///

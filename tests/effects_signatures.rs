@@ -4,13 +4,13 @@
 mod bench;
 
 use bench::{recording, simulate, with};
-use govtwin::effects;
-use govtwin::frame::{Estimate, EsvState, Frame, Inputs, Signals};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::plant::Plant;
-use govtwin::recording::Recording;
-use govtwin::replay;
-use govtwin::twin::{Cut, Twin};
+use govtwin_model::effects;
+use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::plant::Plant;
+use govtwin_model::recording::Recording;
+use govtwin_model::replay;
+use govtwin_model::twin::{Cut, Twin};
 
 const TANK_PA: f64 = 6.3e6;
 const RETURN_PA: f64 = 0.1e6;
@@ -20,8 +20,8 @@ fn setting(id: &str, values: &[f64]) -> EffectSetting {
 }
 
 fn plant(id: &str, values: &[f64]) -> Plant {
-    let mut plant = Plant::new(&govtwin::params::reference().parameters);
-    let unit = Unit { effects: vec![setting(id, values)], ..govtwin::params::reference() };
+    let mut plant = Plant::new(&govtwin_model::params::reference().parameters);
+    let unit = Unit { effects: vec![setting(id, values)], ..govtwin_model::params::reference() };
     effects::apply(&unit, &mut plant);
     plant
 }
@@ -189,7 +189,7 @@ fn hysteresis_is_as_wide_as_it_says() {
 fn forces_and_leaks_of_the_spool_show_in_the_pilot_signals() {
     let signals = |effects: &[EffectSetting]| run(effects, &rests_at(0.5)).pop().unwrap().signals;
     let nominal = signals(&[]);
-    let sheet = govtwin::params::reference().parameters.distributing_valve;
+    let sheet = govtwin_model::params::reference().parameters.distributing_valve;
 
     let tired = signals(&[setting("spring", &[0.2, 0.005])]);
     let lost_n =
@@ -272,7 +272,7 @@ fn speed_m_s(effects: &[EffectSetting], spool_pu: f64) -> f64 {
 
 #[test]
 fn forces_on_the_piston_change_its_speed_by_the_balance() {
-    let p = govtwin::params::reference().parameters;
+    let p = govtwin_model::params::reference().parameters;
     let (servo, oil) = (p.servomotor, p.oil);
     let (a_o, a_c) = (servo.opening_area_m2, servo.closing_area_m2);
     let conductance = p.esv.discharge_coefficient * p.main_ports.width_m * (2.0 / oil.density_kg_m3).sqrt();
@@ -326,7 +326,7 @@ fn worn_edges_pass_oil_early_and_are_as_new_far_out() {
     assert_eq!(worn.travel_m(0.0), 0.0);
     assert_eq!(worn.travel_m(-3e-4), -worn.travel_m(3e-4));
     // Within the overlap a new valve is shut.
-    let edge_pu = 0.5 * h_0 / govtwin::params::reference().parameters.distributing_valve.reference_stroke_m;
+    let edge_pu = 0.5 * h_0 / govtwin_model::params::reference().parameters.distributing_valve.reference_stroke_m;
     assert!(speed_m_s(&[], edge_pu).abs() < 1e-6 && speed_m_s(&[setting("port_wear", &[1e-4])], edge_pu) > 5e-5);
     assert!(speed_m_s(&[setting("port_wear", &[1e-4])], -edge_pu) < -5e-5);
 }
@@ -363,7 +363,7 @@ fn a_lagging_valve_costs_its_time_constant_of_travel_and_a_full_one_goes_no_fast
 
 #[test]
 fn a_leaking_piston_creeps_under_its_load() {
-    let p = govtwin::params::reference().parameters.servomotor;
+    let p = govtwin_model::params::reference().parameters.servomotor;
     let leak = 5e-10;
     let w = speed_m_s(&[setting("servo_leak", &[leak])], 0.0);
     // With the ports shut what leaves one chamber enters the other; unequal areas bring them to one pressure.

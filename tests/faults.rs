@@ -228,7 +228,7 @@ impl<'a> FaultRun<'a> {
     fn broken_off(&self, found: &mut Vec<String>) -> bool {
         // What a reader does first.
         for folder in tree(&self.root).into_iter().filter_map(|(path, bytes)| bytes.is_none().then_some(path)) {
-            if let Err(error) = govtwin::files::settle(&folder.join("anything")) {
+            if let Err(error) = govtwin_files::settle(&folder.join("anything")) {
                 found.push(error.to_string());
             }
         }

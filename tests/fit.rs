@@ -1,18 +1,18 @@
 //! Fits: planted parameters come back within their intervals.
 
-use govtwin::estimation::coordinate::square;
-use govtwin::frame::Estimate;
-use govtwin::generate::{Scenario, recording, spread};
-use govtwin::identification::calibration::{Calibration, calibrate};
-use govtwin::identification::free_parameter::FreeParameter;
-use govtwin::likelihood::noise;
-use govtwin::likelihood::prepared::PreparedRecording;
-use govtwin::likelihood::problem::Problem;
-use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
-use govtwin::params;
-use govtwin::recording::Process;
-use govtwin::signal::Signal;
-use govtwin::twin::Twin;
+use govtwin_diagnosis::estimation::coordinate::square;
+use govtwin_diagnosis::generate::{Scenario, recording, spread};
+use govtwin_diagnosis::identification::calibration::{Calibration, calibrate};
+use govtwin_diagnosis::identification::free_parameter::FreeParameter;
+use govtwin_diagnosis::likelihood::noise;
+use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
+use govtwin_diagnosis::likelihood::problem::Problem;
+use govtwin_model::frame::Estimate;
+use govtwin_model::parameters::{ENTRIES, EffectSetting, Unit};
+use govtwin_model::params;
+use govtwin_model::recording::Process;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Twin;
 
 /// The unit with one effect more.
 fn with_effect(unit: &Unit, id: &str, value: f64) -> Unit {
@@ -33,7 +33,7 @@ fn plant(effect: &str, value: f64, seed: u64) -> (Unit, Vec<PreparedRecording>) 
 
 /// The shipped sheet with the effect fitted to recordings.
 fn fitted(effect: &str, recordings: Vec<PreparedRecording>) -> Calibration {
-    let spec = govtwin::effects::find(effect).unwrap();
+    let spec = govtwin_model::effects::find(effect).unwrap();
     let base = with_effect(&params::reference(), effect, spec.parameters[0].neutral);
     let mut free_parameters = FreeParameter::nuisances(&base);
     free_parameters.push(FreeParameter::Effect { effect: 0, parameter: 0, spec: &spec.parameters[0] });

@@ -27,7 +27,7 @@ fn text(path: &Path) -> &str {
 
 /// A sheet in which only two parameters have a tolerance, so that fits are quick.
 fn small_sheet(dir: &Path) -> String {
-    let keys = govtwin::parameters::ENTRIES.iter().zip(govtwin::params::reference().tolerances);
+    let keys = govtwin_model::parameters::ENTRIES.iter().zip(govtwin_model::params::reference().tolerances);
     let mut sheet = String::new();
     let mut last = "";
     for (entry, tolerance) in keys {

@@ -12,7 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use govtwin::effects::CATALOGUE;
+use govtwin_model::effects::CATALOGUE;
 use serde_json::Value;
 
 use bags::bag;

@@ -12,7 +12,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use govtwin::digest::sha256;
+use govtwin_files::digest::sha256;
 use targets::Target;
 
 /// Mutations of each target in the ordinary tests.
@@ -221,11 +221,11 @@ fn for_as_long_as_asked() {
 #[test]
 #[ignore = "writes fuzz/corpus/model"]
 fn write_the_model() {
-    use govtwin::residual::features;
-    use govtwin::residual::forest::Tree;
-    use govtwin::residual::guard::Guard;
-    use govtwin::residual::model::{Learned, Model, fingerprint};
-    use govtwin::residual::row::{Opening, RateOfInputs};
+    use govtwin_correction::features;
+    use govtwin_correction::forest::Tree;
+    use govtwin_correction::guard::Guard;
+    use govtwin_correction::model::{Learned, Model, fingerprint};
+    use govtwin_correction::row::{Opening, RateOfInputs};
     let features: Vec<String> = features::all().iter().map(features::Feature::name).collect();
     let count = features.len();
     let stump =
@@ -240,7 +240,7 @@ fn write_the_model() {
         opening: Opening::Simulated,
         rate_of_inputs: RateOfInputs::Hold,
         period_ns: 200_000_000,
-        twin: fingerprint(&govtwin::params::reference()),
+        twin: fingerprint(&govtwin_model::params::reference()),
         features,
         guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02], reach: None },
         band: None,
@@ -258,8 +258,8 @@ fn write_the_model() {
 #[test]
 #[ignore = "writes fuzz/corpus/bag"]
 fn write_the_bags() {
-    use govtwin::bag::cdr;
-    use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState, definition};
+    use govtwin_bag::cdr;
+    use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState, definition};
     use mcap::records::MessageHeader;
     use mcap::{Compression, WriteOptions};
     let place = folder("corpus", "bag");

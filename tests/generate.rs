@@ -4,25 +4,25 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use govtwin::bag::{self, ReadOptions};
-use govtwin::frame::Frame;
-use govtwin::generate::{self, Scenario};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::recording::{Process, Recording};
-use govtwin::replay::{self, Scores};
-use govtwin::report::table::significant;
-use govtwin::signal::Signal;
-use govtwin::twin::Twin;
+use govtwin_bag::ReadOptions;
+use govtwin_diagnosis::generate::{self, Scenario};
+use govtwin_model::frame::Frame;
+use govtwin_model::number::significant;
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::replay::{self, Scores};
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Twin;
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 
 fn scenario(process: Process, seed: u64) -> Scenario {
-    Scenario { unit: govtwin::params::reference(), process, rate_hz: 100.0, duration_s: 40.0, rich: true, seed }
+    Scenario { unit: govtwin_model::params::reference(), process, rate_hz: 100.0, duration_s: 40.0, rich: true, seed }
 }
 
 fn with(effects: &[(&str, &[f64])]) -> Unit {
     let effects =
         effects.iter().map(|(id, values)| EffectSetting { id: (*id).to_owned(), values: values.to_vec() }).collect();
-    Unit { effects, ..govtwin::params::reference() }
+    Unit { effects, ..govtwin_model::params::reference() }
 }
 
 #[test]
@@ -36,7 +36,7 @@ fn a_seed_decides_everything_on_any_number_of_threads() {
     let alone = run(1);
     assert!(alone == run(4));
     assert!(alone[0] == alone[4] && alone[0] != generate::streams(&scenario(Process::Startup, 8)));
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
     assert_eq!(generate::spread(&unit, 5), generate::spread(&unit, 5));
     assert_ne!(generate::spread(&unit, 5), generate::spread(&unit, 6));
 }
@@ -101,7 +101,7 @@ fn noise_and_steps_are_those_of_the_sheet() {
 
 #[test]
 fn spread_follows_the_tolerances() {
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
     let drawn: Vec<Unit> = (0..400).map(|seed| generate::spread(&unit, seed)).collect();
     let relative = |of: fn(&Unit) -> f64| {
         let square: f64 = drawn.iter().map(|drawn| (of(drawn) / of(&unit) - 1.0).powi(2)).sum();
@@ -151,13 +151,13 @@ fn the_command_writes_what_the_library_makes() {
     let output = govtwin(&args.split_whitespace().collect::<Vec<_>>(), dir.path());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 
-    let truth = govtwin::params::load(&dir.path().join("made/truth.yaml")).unwrap();
+    let truth = govtwin_model::params::load(&dir.path().join("made/truth.yaml")).unwrap();
     let faulty = with(&[("backlash", &[0.002]), ("spring", &[0.0, 0.01])]);
     assert_eq!(truth.parameters, generate::spread(&faulty, 9).parameters);
     assert_eq!(truth.effects, faulty.effects);
     for process in [Process::LoadRejection, Process::Shutdown] {
         let folder = dir.path().join("made").join(process.id());
-        let loaded = bag::read(&folder, &ReadOptions::default()).unwrap();
+        let loaded = govtwin_bag::read(&folder, &ReadOptions::default()).unwrap();
         let expected =
             generate::recording(&Scenario { unit: truth.clone(), rate_hz: 50.0, rich: false, ..scenario(process, 9) });
         // NaN is equal to NaN here.
@@ -211,8 +211,9 @@ fn effects_of_a_parameter_file_are_replayed() {
         let output =
             govtwin(&["replay", "--params", params, "--out", params.trim_end_matches(".yaml"), "made"], dir.path());
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let unit = govtwin::params::load(&dir.path().join(params)).unwrap();
-        let recording = bag::read(&dir.path().join("made/shutdown"), &ReadOptions::default()).unwrap().recording;
+        let unit = govtwin_model::params::load(&dir.path().join(params)).unwrap();
+        let recording =
+            govtwin_bag::read(&dir.path().join("made/shutdown"), &ReadOptions::default()).unwrap().recording;
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         let miss = miss_pu(&unit, &recording);
         let percent = significant(100.0 * miss, 3);

@@ -5,9 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use govtwin::bag::{self, BagError, Interpolation, Qos, ReadOptions, Stream, Writer, WriterOptions};
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, ServoState};
-use govtwin::params;
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, ServoState};
+use govtwin_bag::{BagError, Interpolation, Qos, ReadOptions, Stream, Writer, WriterOptions};
+use govtwin_model::params;
 
 const S: i64 = 1_000_000_000;
 const BEGIN_NS: i64 = 1_700_000_000 * S;
@@ -55,7 +55,7 @@ fn arrays_of_nothing_do_not_fit_their_schema() {
     let dir = tempfile::tempdir().unwrap();
     let path = arrays_of_nothing(dir.path());
     assert!(fs::metadata(&path).unwrap().len() < 1100);
-    let survey = bag::survey(&path).unwrap();
+    let survey = govtwin_bag::survey(&path).unwrap();
     assert_eq!((survey.topics[0].messages, survey.topics[0].undecodable), (20, 20));
 }
 
@@ -77,18 +77,19 @@ fn many_topics(dir: &Path) -> PathBuf {
 fn many_topics_of_one_large_type_share_it() {
     let dir = tempfile::tempdir().unwrap();
     let path = many_topics(dir.path());
-    let survey = bag::survey(&path).unwrap();
+    let survey = govtwin_bag::survey(&path).unwrap();
     assert_eq!((survey.topics.len(), survey.messages), (2000, 40_000));
     let readable = survey.topics.iter().filter(|topic| topic.readable).count();
     assert_eq!(readable, 20, "as many as have 100,000 fields together");
-    let topics: Vec<_> = bag::messages(&path).unwrap().take(2000).map(|message| message.unwrap().topic).collect();
+    let topics: Vec<_> =
+        govtwin_bag::messages(&path).unwrap().take(2000).map(|message| message.unwrap().topic).collect();
     assert!(topics.iter().all(|topic| topic.schema.as_ptr() == topics[0].schema.as_ptr()), "one text for all");
     // And they are written again as they were.
     let mut writer = Writer::create(&dir.path().join("copy"), WriterOptions::default()).unwrap();
-    for message in bag::messages(&path).unwrap() {
+    for message in govtwin_bag::messages(&path).unwrap() {
         writer.copy(&message.unwrap()).unwrap();
     }
-    let copy = bag::survey(&writer.finish().unwrap()).unwrap();
+    let copy = govtwin_bag::survey(&writer.finish().unwrap()).unwrap();
     assert_eq!((copy.topics.len(), copy.messages), (2000, 40_000));
 }
 
@@ -97,7 +98,7 @@ fn names_longer_than_any_are_damage() {
     let dir = tempfile::tempdir().unwrap();
     let records =
         [schema(1, "p/msg/A", "uint8 a\n"), channel(0, 1, &"/a".repeat(1000)), message(0, 5, &[0, 1, 0, 0, 1])];
-    let warnings = bag::survey(&file(dir.path(), &records)).unwrap().warnings;
+    let warnings = govtwin_bag::survey(&file(dir.path(), &records)).unwrap().warnings;
     assert!(warnings[0].to_string().contains("a record that does not hold what it should"), "{warnings:?}");
 }
 
@@ -133,7 +134,7 @@ fn a_grid_is_counted_before_it_is_laid_and_ends_with_the_last_command_or_measure
     };
     // Ten hours of heartbeats after two seconds of recording.
     let path = heartbeats(dir.path(), 36_000, &[0, 1, 2]);
-    let loaded = bag::read(&path, &fine).unwrap();
+    let loaded = govtwin_bag::read(&path, &fine).unwrap();
     assert_eq!(loaded.recording.frames.len(), 2001);
     assert_eq!(loaded.recording.frames.last().unwrap().time_ns, BEGIN_NS + 2 * S);
     let said = loaded.health.warnings[0].to_string();
@@ -141,7 +142,7 @@ fn a_grid_is_counted_before_it_is_laid_and_ends_with_the_last_command_or_measure
     // A measurement every ten minutes for ten hours: 36 million rows of a millisecond.
     let rare: Vec<i64> = (0..60).map(|k| k * 600).collect();
     let path = heartbeats(dir.path(), 36_000, &rare);
-    let error = bag::read(&path, &fine).unwrap_err();
+    let error = govtwin_bag::read(&path, &fine).unwrap_err();
     let BagError::TooManyRows { rows: 35_400_000, limit, .. } = error else { panic!("{error}") };
     assert!(error.to_string().contains("makes 35400000 rows, expected at most"), "{error}");
     assert!(limit < 20_000_000, "{limit}");
@@ -150,7 +151,7 @@ fn a_grid_is_counted_before_it_is_laid_and_ends_with_the_last_command_or_measure
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(1) && said.contains("there is none: expected command or position"), "{said}");
     // Without a grid there are as many rows as stamps.
-    assert_eq!(bag::read(&path, &ReadOptions::default()).unwrap().recording.frames.len(), 35_401);
+    assert_eq!(govtwin_bag::read(&path, &ReadOptions::default()).unwrap().recording.frames.len(), 35_401);
 }
 
 #[test]
@@ -164,12 +165,12 @@ fn hostile_yaml_beside_or_inside_a_bag_is_done_without() {
         ("# long\n".repeat(3 << 20), "expected at most 16777216 bytes, found 22020096"),
     ] {
         fs::write(path.join("metadata.yaml"), yaml).unwrap();
-        let warnings = bag::read(&path, &ReadOptions::default()).unwrap().health.warnings;
+        let warnings = govtwin_bag::read(&path, &ReadOptions::default()).unwrap().health.warnings;
         assert!(warnings.iter().any(|warning| warning.to_string().contains(words)), "{words}: {warnings:?}");
     }
     // Quality of service comes from the bag, too, and is written again.
     let qos: String = format!("- &a {}", bomb.replace('\n', "\n  "));
-    let mut messages = bag::messages(&path).unwrap().map(Result::unwrap).collect::<Vec<_>>();
+    let mut messages = govtwin_bag::messages(&path).unwrap().map(Result::unwrap).collect::<Vec<_>>();
     let mut topic = (*messages[0].topic).clone();
     topic.offered_qos_profiles = qos.clone();
     messages[0].topic = topic.into();
@@ -192,7 +193,7 @@ fn pipes_and_devices_are_named_and_not_read() {
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let (pipe, zero) = (pipe.to_str().unwrap(), "/dev/zero");
     for (path, found) in [(pipe, "found a pipe"), (zero, "found a device")] {
-        let error = bag::read(Path::new(path), &ReadOptions::default()).unwrap_err().to_string();
+        let error = govtwin_bag::read(Path::new(path), &ReadOptions::default()).unwrap_err().to_string();
         assert!(error.contains("expected a regular file") && error.contains(found), "{error}");
         let error = params::load(Path::new(path)).unwrap_err().to_string();
         assert!(error.contains(path) && error.contains(found), "{error}");
@@ -209,7 +210,7 @@ fn pipes_and_devices_are_named_and_not_read() {
     for name in ["metadata.yaml", "more.mcap"] {
         assert!(Command::new("mkfifo").arg(folder.join(name)).status().unwrap().success());
     }
-    let warnings = bag::read(&folder, &ReadOptions::default()).unwrap().health.warnings;
+    let warnings = govtwin_bag::read(&folder, &ReadOptions::default()).unwrap().health.warnings;
     assert!(warnings[0].to_string().contains("found a pipe"), "{warnings:?}");
 }
 

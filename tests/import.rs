@@ -19,7 +19,7 @@ mod tools;
 
 use std::path::{Path, PathBuf};
 
-use govtwin::import::{Import, ImportError, ImportOutcome, ImportedRow, Map};
+use govtwin_bag::import::{Import, ImportError, ImportOutcome, ImportedRow, Map};
 
 /// A file that other tools wrote, by `make.py` beside it.
 fn fixture(name: &str) -> PathBuf {

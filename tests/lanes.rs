@@ -7,19 +7,19 @@ mod rows;
 
 use std::sync::Arc;
 
-use govtwin::effects::{self, CATALOGUE};
-use govtwin::frame::{Estimate, Frame, Signals};
-use govtwin::generate::spread;
-use govtwin::likelihood::prepared::PreparedRecording;
-use govtwin::parameters::{EffectSetting, OwnEffect, OwnParameter, Unit};
-use govtwin::params;
-use govtwin::plant::Plant;
-use govtwin::plant::lanes::Width;
-use govtwin::plant::term::{Point, Term, View};
-use govtwin::recording::{Process, Recording};
-use govtwin::solver::Method;
-use govtwin::twin::batch::{self, BatchRow};
-use govtwin::twin::{Cut, Twin};
+use govtwin_diagnosis::generate::spread;
+use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
+use govtwin_model::effects::{self, CATALOGUE};
+use govtwin_model::frame::{Estimate, Frame, Signals};
+use govtwin_model::parameters::{EffectSetting, OwnEffect, OwnParameter, Unit};
+use govtwin_model::params;
+use govtwin_model::plant::Plant;
+use govtwin_model::plant::lanes::Width;
+use govtwin_model::plant::term::{Point, Term, View};
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::solver::Method;
+use govtwin_model::twin::batch::{self, BatchRow};
+use govtwin_model::twin::{Cut, Twin};
 
 /// A disturbance that nobody else has, at a point of the chain.
 #[derive(Debug)]

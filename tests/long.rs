@@ -8,17 +8,17 @@ use std::path::{Path, PathBuf};
 #[cfg(target_os = "linux")]
 use std::process::Command;
 
-use govtwin::bag::{self, Qos, ReadOptions, Writer, WriterOptions};
-use govtwin::frame;
-use govtwin::generate::streams::GeneratedStreams;
-use govtwin::generate::{self, Scenario};
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, ServoState};
-use govtwin::parameters::EffectSetting;
-use govtwin::params;
-use govtwin::recording::Process;
-use govtwin::replay::Replayed;
-use govtwin::replay::rows::{MOST_KEPT, Replaying};
-use govtwin::twin::Twin;
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, ServoState};
+use govtwin_bag::{Qos, ReadOptions, Writer, WriterOptions};
+use govtwin_diagnosis::generate::streams::GeneratedStreams;
+use govtwin_diagnosis::generate::{self, Scenario};
+use govtwin_model::frame;
+use govtwin_model::parameters::EffectSetting;
+use govtwin_model::params;
+use govtwin_model::recording::Process;
+use govtwin_model::replay::Replayed;
+use govtwin_model::replay::rows::{MOST_KEPT, Replaying};
+use govtwin_model::twin::Twin;
 
 #[path = "support/tight_sheet.rs"]
 mod tight_sheet;
@@ -355,7 +355,7 @@ fn memory_does_not_grow_with_length() {
         let (said, info_mb) = run(&["info", path]);
         assert!(said.contains(&format!("{} rows", seconds * 100)), "{said}");
         let (_, replay_mb) = run(&["replay", path, "--out", out.to_str().unwrap()]);
-        let simulated = bag::survey(&out.join(format!("run_{seconds}"))).unwrap();
+        let simulated = govtwin_bag::survey(&out.join(format!("run_{seconds}"))).unwrap();
         let topic = simulated.topics.iter().find(|topic| topic.name == "/sim/servo_state").unwrap();
         assert_eq!((topic.messages as i64, topic.log.backwards, simulated.warnings.len()), (seconds * 100, 0, 0));
         [info_mb, replay_mb]
@@ -369,7 +369,7 @@ fn memory_does_not_grow_with_length() {
 fn figures_count_all_rows_and_pictures_get_enough() {
     let dir = tempfile::tempdir().unwrap();
     let path = write(&dir.path().join("run"), 1000);
-    let recording = bag::read(&path, &ReadOptions::default()).unwrap().recording;
+    let recording = govtwin_bag::read(&path, &ReadOptions::default()).unwrap().recording;
     assert!(recording.frames.len() > MOST_KEPT);
     let unit = params::reference();
     let mut twin = Twin::new(&unit);

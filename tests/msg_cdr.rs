@@ -1,7 +1,7 @@
 //! The bytes on the wire: equal to two independent encoders, and never a panic on any bytes.
 
-use govtwin::bag::cdr::{self, CdrError};
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time};
+use govtwin_bag::cdr::{self, CdrError};
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time};
 use proptest::prelude::{any, prop, prop_assert, prop_assert_eq, proptest};
 
 /// Made by `tests/fixtures/cdr/make.py`.

@@ -2,14 +2,14 @@
 
 use std::fmt;
 
-use govtwin::msg::definition::{Count, Definition, closure_of, parse_schema, schema_of, text_of};
-use govtwin::msg::service::{Service, Trigger};
-use govtwin::msg::simulation::{
+use govtwin_bag::msg::definition::{Count, Definition, closure_of, parse_schema, schema_of, text_of};
+use govtwin_bag::msg::service::{Service, Trigger};
+use govtwin_bag::msg::simulation::{
     GetSimulationState, GetSimulatorFeatures, ResetSimulation, SetSimulationState, StepSimulation,
 };
-use govtwin::msg::type_hash::{hash_of, type_hash};
-use govtwin::msg::upkeep::{GetLoggerLevels, GetTypeDescription, SetLoggerLevels};
-use govtwin::msg::{
+use govtwin_bag::msg::type_hash::{hash_of, type_hash};
+use govtwin_bag::msg::upkeep::{GetLoggerLevels, GetTypeDescription, SetLoggerLevels};
+use govtwin_bag::msg::{
     EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time, TwinStatus, UnitVerdict,
 };
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer, SeqAccess, Visitor};

@@ -3,36 +3,36 @@
 
 use std::process::Command;
 
-use govtwin::bag::{self, Topics};
-use govtwin::diagnosis::decision::Decision;
-use govtwin::diagnosis::decision::posterior::{CountedNats, Posterior};
-use govtwin::diagnosis::decision::weights::CHAIN;
-use govtwin::diagnosis::experiment::candidate_test::candidates;
-use govtwin::diagnosis::experiment::survivors::survivors;
-use govtwin::diagnosis::experiment::{design, weigh};
-use govtwin::diagnosis::hypotheses::table::EvidenceTable;
-use govtwin::diagnosis::hypotheses::{Explored, explore};
-use govtwin::diagnosis::model::FittedModel;
-use govtwin::diagnosis::result::Diagnosis;
-use govtwin::diagnosis::result::test_script::{CommandShape, TestScript};
-use govtwin::diagnosis::{DiagnosisSettings, diagnose};
-use govtwin::effects::{self, CATALOGUE, EffectSpec, find};
-use govtwin::frame::Signals;
-use govtwin::generate::noise::{Purpose, READINGS, RandomStreams, Transducer, in_loop};
-use govtwin::generate::{Scenario, recording, spread};
-use govtwin::identification::free_parameter::FreeParameter;
-use govtwin::likelihood::noise::expected;
-use govtwin::likelihood::prepared::PreparedRecording;
-use govtwin::likelihood::problem::Problem;
-use govtwin::msg;
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::params::reference;
-use govtwin::plant::Plant;
-use govtwin::plant::term::Point;
-use govtwin::recording::{Process, Recording};
-use govtwin::signal::Signal;
-use govtwin::solver::Method;
-use govtwin::twin::Twin;
+use govtwin_bag::Topics;
+use govtwin_bag::msg;
+use govtwin_diagnosis::decision::Decision;
+use govtwin_diagnosis::decision::posterior::{CountedNats, Posterior};
+use govtwin_diagnosis::decision::weights::CHAIN;
+use govtwin_diagnosis::experiment::candidate_test::candidates;
+use govtwin_diagnosis::experiment::survivors::survivors;
+use govtwin_diagnosis::experiment::{design, weigh};
+use govtwin_diagnosis::generate::noise::{Purpose, READINGS, RandomStreams, Transducer, in_loop};
+use govtwin_diagnosis::generate::{Scenario, recording, spread};
+use govtwin_diagnosis::hypotheses::table::EvidenceTable;
+use govtwin_diagnosis::hypotheses::{Explored, explore};
+use govtwin_diagnosis::identification::free_parameter::FreeParameter;
+use govtwin_diagnosis::likelihood::noise::expected;
+use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
+use govtwin_diagnosis::likelihood::problem::Problem;
+use govtwin_diagnosis::model::FittedModel;
+use govtwin_diagnosis::result::Diagnosis;
+use govtwin_diagnosis::result::test_script::{CommandShape, TestScript};
+use govtwin_diagnosis::{DiagnosisSettings, diagnose};
+use govtwin_model::effects::{self, CATALOGUE, EffectSpec, find};
+use govtwin_model::frame::Signals;
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::params::reference;
+use govtwin_model::plant::Plant;
+use govtwin_model::plant::term::Point;
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::signal::Signal;
+use govtwin_model::solver::Method;
+use govtwin_model::twin::Twin;
 
 /// Effects that one load increase hardly tells apart.
 const TRIED: [&str; 3] = ["supply_loss", "viscosity", "load"];
@@ -190,7 +190,7 @@ fn the_best_test_stands_beside_the_report_as_a_bag_to_play() {
     assert_eq!(best["bag"], "next_test.mcap", "{json:#}");
     assert!(stdout.contains(best["test"].as_str().unwrap()), "{stdout}");
     let file = dir.path().join("out/next_test.mcap");
-    let messages: Vec<_> = bag::messages(&file).unwrap().map(Result::unwrap).collect();
+    let messages: Vec<_> = govtwin_bag::messages(&file).unwrap().map(Result::unwrap).collect();
     assert!(messages.is_sorted_by_key(|message| message.log_time_ns) && messages[0].log_time_ns == 0);
     let of = |topic: &str| messages.iter().filter(|message| message.topic.name.ends_with(topic)).count();
     let topics = Topics::default();
@@ -200,7 +200,8 @@ fn the_best_test_stands_beside_the_report_as_a_bag_to_play() {
     assert_eq!(counts[0], rows, "{counts:?}");
     assert!(counts[1] > rows / 20 && counts[2] > rows / 20 && counts.iter().sum::<usize>() == messages.len());
     let command: msg::GovernorCommand =
-        bag::cdr::decode(&messages.iter().find(|message| message.topic.name == topics.command).unwrap().data).unwrap();
+        govtwin_bag::cdr::decode(&messages.iter().find(|message| message.topic.name == topics.command).unwrap().data)
+            .unwrap();
     assert!((0.0..=1.0).contains(&command.opening) && command.header == msg::Header::at(0));
     // A script holds no servo state, and no stamps: `info` warns of both.
     let (code, text, stderr) = govtwin(&["info", file.to_str().unwrap()]);

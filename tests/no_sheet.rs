@@ -8,13 +8,14 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use govtwin::frame::Frame;
-use govtwin::generate::{self, Scenario};
-use govtwin::parameters::{ENTRIES, Unit};
-use govtwin::params;
-use govtwin::recording::{Process, Recording};
-use govtwin::sheet::recorded::{Filled, NotEnough, fill};
-use govtwin::sheet::{Plate, derive};
+use govtwin_diagnosis::generate::{self, Scenario};
+use govtwin_diagnosis::sheet::plate_file;
+use govtwin_diagnosis::sheet::recorded::{Filled, NotEnough, fill};
+use govtwin_diagnosis::sheet::{Plate, derive};
+use govtwin_model::frame::Frame;
+use govtwin_model::parameters::{ENTRIES, Unit};
+use govtwin_model::params;
+use govtwin_model::recording::{Process, Recording};
 use program::Run;
 use serde_json::Value;
 
@@ -73,7 +74,7 @@ fn what_the_plate_says_is_kept() {
     let recordings = recordings(&other(5), 5, 100.0);
     let mut plate = Plate::default();
     for text in ["position_gain=25", "spool_stroke=20 mm", "servomotor_volume=60 L", "servomotor_stroke=400 mm"] {
-        let (key, given) = params::plate_value(text).unwrap();
+        let (key, given) = plate_file::plate_value(text).unwrap();
         plate.values.insert(key, given);
     }
     let recorded = fill(&mut plate, &recordings, &params::reference()).unwrap();
@@ -89,7 +90,7 @@ fn what_the_plate_says_is_kept() {
 fn a_stop_on_the_plate_says_how_long_the_spools_stroke_is() {
     let recordings = recordings(&other(5), 5, 100.0);
     let mut plate = Plate::default();
-    let (key, given) = params::plate_value("spool_closing_stop=20 mm").unwrap();
+    let (key, given) = plate_file::plate_value("spool_closing_stop=20 mm").unwrap();
     plate.values.insert(key, given);
     fill(&mut plate, &recordings, &params::reference()).unwrap();
     let (_, without, _) = made_of(&recordings);

@@ -4,14 +4,14 @@
 #[path = "support/residual.rs"]
 mod residual;
 
-use govtwin::frame::EsvState;
-use govtwin::node::control::Order;
-use govtwin::node::core::{Core, InputEvent, NodeInput, Notices, OnStale, Policy, Rule};
-use govtwin::node::integration::{Integrator, LoopPace, TimeSource, TimedEvent};
-use govtwin::node::refit::Refit;
-use govtwin::params;
-use govtwin::residual::corrector::Corrector;
-use govtwin::twin::Twin;
+use govtwin_correction::corrector::Corrector;
+use govtwin_model::frame::EsvState;
+use govtwin_model::params;
+use govtwin_model::twin::Twin;
+use govtwin_node::control::Order;
+use govtwin_node::core::{Core, InputEvent, NodeInput, Notices, OnStale, Policy, Rule};
+use govtwin_node::integration::{Integrator, LoopPace, TimeSource, TimedEvent};
+use govtwin_node::refit::Refit;
 
 const MS: i64 = 1_000_000;
 /// Long enough for an alarm of drift, at five samples a second.

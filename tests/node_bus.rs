@@ -4,17 +4,17 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
-use govtwin::node::arguments::Arguments;
-use govtwin::node::bus::Bus;
-use govtwin::node::core::NodeInput;
-use govtwin::node::environment::Environment;
-use govtwin::node::intake::Refusal;
-use govtwin::node::live::{self, RunOptions};
-use govtwin::node::realtime::{Wishes, wall_ns};
-use govtwin::node::recorder::{Selection, record};
-use govtwin::node::settings::NodeSettings;
-use govtwin::params;
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
+use govtwin_model::params;
+use govtwin_node::arguments::Arguments;
+use govtwin_node::bus::Bus;
+use govtwin_node::core::NodeInput;
+use govtwin_node::environment::Environment;
+use govtwin_node::intake::Refusal;
+use govtwin_node::live::{self, RunOptions};
+use govtwin_node::realtime::{Wishes, wall_ns};
+use govtwin_node::recorder::{Selection, record};
+use govtwin_node::settings::NodeSettings;
 
 /// A domain of its own, so that tests that run beside this one are not heard.
 fn environment() -> Environment {

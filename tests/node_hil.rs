@@ -11,11 +11,11 @@ mod journal;
 
 use std::path::PathBuf;
 
-use govtwin::bag::{self, ReadOptions, cdr};
-use govtwin::frame::{Frame, Signals};
-use govtwin::msg::{GovernorCommand, ServoState};
-use govtwin::params;
-use govtwin::twin::Twin;
+use govtwin_bag::msg::{GovernorCommand, ServoState};
+use govtwin_bag::{ReadOptions, cdr};
+use govtwin_model::frame::{Frame, Signals};
+use govtwin_model::params;
+use govtwin_model::twin::Twin;
 
 /// Besides the measured jitter of arrival: one tick until a command acts, and one for the recorder's own stamp.
 const TICKS_S: f64 = 0.002;
@@ -31,7 +31,7 @@ fn path_in(variable: &str) -> PathBuf {
 
 /// Messages of a topic with their log times.
 fn decoded<M: serde::de::DeserializeOwned>(bag: &std::path::Path, topic: &str) -> Vec<(i64, M)> {
-    let messages = bag::messages(bag).unwrap().map(Result::unwrap);
+    let messages = govtwin_bag::messages(bag).unwrap().map(Result::unwrap);
     let of_topic = messages.filter(|message| message.topic.name == topic);
     of_topic.map(|message| (message.log_time_ns, cdr::decode(&message.data).unwrap())).collect()
 }
@@ -48,7 +48,7 @@ fn the_bench_is_the_simulation() {
     let shift_ns = shifts_ns[shifts_ns.len() / 2];
     let jitter_s = (shifts_ns.last().unwrap() - shifts_ns[0]) as f64 * 1e-9;
 
-    let source = bag::read(&path_in("GOVTWIN_HIL_SOURCE"), &ReadOptions::default()).unwrap().recording.frames;
+    let source = govtwin_bag::read(&path_in("GOVTWIN_HIL_SOURCE"), &ReadOptions::default()).unwrap().recording.frames;
     let last_ns = commands.iter().map(|(log_ns, _)| log_ns - shift_ns).max().unwrap();
     let states: Vec<(i64, ServoState)> = decoded(&recorded, "/sim/servo_state");
     let unit = params::reference();

@@ -4,14 +4,14 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use govtwin::frame::EsvState;
-use govtwin::node::control::{Answer, Order, OrderOutcome, RunState};
-use govtwin::node::core::{Core, InputEvent, NodeInput, Notices, OnStale, Policy};
-use govtwin::node::integration::{Ends, Integrator, LoopPace, TickOutput, TimeSource, TimedEvent, pool};
-use govtwin::node::refit::Refit;
-use govtwin::parameters::EffectSetting;
-use govtwin::params;
-use govtwin::twin::Twin;
+use govtwin_model::frame::EsvState;
+use govtwin_model::parameters::EffectSetting;
+use govtwin_model::params;
+use govtwin_model::twin::Twin;
+use govtwin_node::control::{Answer, Order, OrderOutcome, RunState};
+use govtwin_node::core::{Core, InputEvent, NodeInput, Notices, OnStale, Policy};
+use govtwin_node::integration::{Ends, Integrator, LoopPace, TickOutput, TimeSource, TimedEvent, pool};
+use govtwin_node::refit::Refit;
 
 const MS: i64 = 1_000_000;
 

@@ -4,13 +4,13 @@
 #[path = "support/journal.rs"]
 mod journal;
 
-use govtwin::frame::EsvState;
-use govtwin::node::control::Order;
-use govtwin::node::core::{Core, InputEvent, OnStale, Policy};
-use govtwin::node::integration::{Ends, Integrator, LoopPace, TickOutput, TimeSource, TimedEvent};
-use govtwin::node::journal::{Journal, Names};
-use govtwin::params;
-use govtwin::twin::Twin;
+use govtwin_model::frame::EsvState;
+use govtwin_model::params;
+use govtwin_model::twin::Twin;
+use govtwin_node::control::Order;
+use govtwin_node::core::{Core, InputEvent, OnStale, Policy};
+use govtwin_node::integration::{Ends, Integrator, LoopPace, TickOutput, TimeSource, TimedEvent};
+use govtwin_node::journal::{Journal, Names};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -11,8 +11,8 @@ use std::process::{Command, Output};
 use std::sync::Arc;
 
 use bags::bag;
-use govtwin::bag::{Qos, TopicInfo, Writer, WriterOptions};
-use govtwin::msg::EsvState;
+use govtwin_bag::msg::EsvState;
+use govtwin_bag::{Qos, TopicInfo, Writer, WriterOptions};
 
 fn govtwin(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_govtwin")).args(arguments).output().unwrap()
@@ -190,7 +190,7 @@ fn names_from_a_bag_do_not_act_on_the_terminal() {
     writer.write(esv, 5, &EsvState::default()).unwrap();
     let topic =
         TopicInfo { name: hostile.into(), type_name: hostile.into(), encoding: "cdr".into(), ..TopicInfo::default() };
-    let message = govtwin::bag::RawMessage {
+    let message = govtwin_bag::RawMessage {
         topic: Arc::new(topic),
         log_time_ns: 7,
         publish_time_ns: 7,

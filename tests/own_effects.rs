@@ -9,12 +9,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use allocation_counter::measure;
-use govtwin::effects::{find_in, own};
-use govtwin::frame::Estimate;
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::params::{self, Overlay};
-use govtwin::recording::Process;
-use govtwin::twin::Twin;
+use govtwin_model::effects::{find_in, own};
+use govtwin_model::frame::Estimate;
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::params::{self, Overlay};
+use govtwin_model::recording::Process;
+use govtwin_model::twin::Twin;
 
 const STICTION: &str = "
 effects:

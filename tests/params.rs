@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use govtwin::parameters::{ENTRIES, Tolerance, Unit};
-use govtwin::params::{self, Overlay, ParamsError};
+use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
+use govtwin_model::params::{self, Overlay, ParamsError};
 use proptest::prelude::{any, prop, prop_assert_eq, proptest};
 
 fn write(folder: &Path, name: &str, text: &str) -> PathBuf {

@@ -15,11 +15,11 @@ mod textbook;
 #[path = "physics/times.rs"]
 mod times;
 
-use govtwin::solver::Method;
+use govtwin_model::solver::Method;
 
 /// Every method at a step that resolves the chain.
 const METHODS: [Method; 3] = [
-    Method::Split { max_step_s: govtwin::solver::split::SPOOL_STEP_S },
+    Method::Split { max_step_s: govtwin_model::solver::split::SPOOL_STEP_S },
     Method::Rk4 { max_step_s: 5.0e-5 },
     Method::Rosenbrock { max_step_s: 1.0e-4 },
 ];

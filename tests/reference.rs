@@ -5,11 +5,11 @@
 
 use std::path::Path;
 
-use govtwin::bag::{self, ReadOptions};
-use govtwin::recording::Process;
-use govtwin::replay::{Replayed, Scores};
-use govtwin::signal::Signal;
-use govtwin::twin::{Cut, Twin};
+use govtwin_bag::ReadOptions;
+use govtwin_model::recording::Process;
+use govtwin_model::replay::{Replayed, Scores};
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::{Cut, Twin};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 /// Recordings of a folder under `bags/`, replayed with the shipped parameters.
@@ -18,9 +18,9 @@ fn replay(folder: &str, cut: Cut) -> Vec<Replayed> {
     let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.retain(|path| path.extension().is_some_and(|suffix| suffix == "mcap"));
     paths.sort();
-    let twin = Twin::new(&govtwin::params::reference()).with_cut(cut);
+    let twin = Twin::new(&govtwin_model::params::reference()).with_cut(cut);
     let one = |path: std::path::PathBuf| {
-        Replayed::new(&mut twin.clone(), bag::read(&path, &ReadOptions::default()).unwrap().recording)
+        Replayed::new(&mut twin.clone(), govtwin_bag::read(&path, &ReadOptions::default()).unwrap().recording)
     };
     paths.into_par_iter().map(one).collect()
 }

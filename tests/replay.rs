@@ -4,13 +4,13 @@
 use std::path::Path;
 use std::process::Command;
 
-use govtwin::bag::{self, ReadOptions};
-use govtwin::frame::{Estimate, EsvState, Frame, Inputs, Signals};
-use govtwin::parameters::Unit;
-use govtwin::recording::Recording;
-use govtwin::replay::{Replayed, Scores, simulate};
-use govtwin::signal::Signal;
-use govtwin::twin::{Cut, Twin};
+use govtwin_bag::ReadOptions;
+use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::replay::{Replayed, Scores, simulate};
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::{Cut, Twin};
 use proptest::prelude::{Strategy, prop};
 use proptest::{prop_assert_eq, proptest};
 
@@ -29,7 +29,7 @@ fn recording(unit: &Unit) -> Recording {
 
 #[test]
 fn a_replay_starts_anew_each_time() {
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
     let mut twin = Twin::new(&unit);
     let first = Replayed::new(&mut twin, recording(&unit));
     let second = Replayed::new(&mut twin, recording(&unit));
@@ -38,7 +38,7 @@ fn a_replay_starts_anew_each_time() {
 
 #[test]
 fn only_rows_that_were_measured_count() {
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
     let replayed = Replayed::new(&mut Twin::new(&unit), recording(&unit));
     assert_eq!(replayed.scores.figures(Signal::ServomotorPosition).count, 50);
     assert_eq!(replayed.scores.figures(Signal::SpoolPosition).count, 0);
@@ -107,7 +107,7 @@ proptest! {
         recording in recordings(),
         shares in prop::collection::vec(0.0..1.0, 1..6),
     ) {
-        let unit = govtwin::params::reference();
+        let unit = govtwin_model::params::reference();
         let (denser, own) = with_repeated_rows(&recording, &shares);
         for cut in [Cut::None, Cut::Servomotor] {
             let mut twin = Twin::new(&unit).with_cut(cut);
@@ -121,7 +121,7 @@ proptest! {
 
     #[test]
     fn a_twin_that_was_cloned_on_the_way_goes_on_alike(recording in recordings(), cut in prop::sample::select(vec![Cut::None, Cut::Servomotor, Cut::Spool])) {
-        let mut twin = Twin::new(&govtwin::params::reference()).with_cut(cut);
+        let mut twin = Twin::new(&govtwin_model::params::reference()).with_cut(cut);
         let whole = simulate(&mut twin, &recording);
         let (first, second) = recording.frames.split_at(recording.frames.len() / 2);
         twin.reset();
@@ -136,10 +136,10 @@ proptest! {
 #[test]
 fn a_shipped_recording_in_thousandths_of_a_second_is_the_same_to_the_bit() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/load_rejection_01.mcap");
-    let recording = bag::read(&path, &ReadOptions::default()).unwrap().recording;
+    let recording = govtwin_bag::read(&path, &ReadOptions::default()).unwrap().recording;
     let shares: Vec<f64> = (1..200).map(|i| f64::from(i) / 200.0).collect();
     let (denser, own) = with_repeated_rows(&recording, &shares);
-    let mut twin = Twin::new(&govtwin::params::reference());
+    let mut twin = Twin::new(&govtwin_model::params::reference());
     let plain = simulate(&mut twin, &recording);
     let dense = simulate(&mut twin, &denser);
     assert!(plain.iter().zip(&own).all(|(estimate, &at)| bits(estimate) == bits(&dense[at])));
@@ -216,7 +216,7 @@ fn keys(value: &serde_json::Value, found: &mut std::collections::BTreeSet<String
 #[test]
 fn every_key_of_the_figures_is_documented_with_its_schema() {
     let documented: String =
-        include_str!("../src/replay/summary.rs").lines().filter(|line| line.starts_with("//!")).collect();
+        include_str!("../src/diagnosis/replay_summary.rs").lines().filter(|line| line.starts_with("//!")).collect();
     let dir = tempfile::tempdir().unwrap();
     let params = dir.path().join("unit.yaml");
     std::fs::write(&params, "name: unit 2\noil:\n  bulk_modulus_pa: 1.1e9\n").unwrap();

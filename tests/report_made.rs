@@ -10,9 +10,9 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use bags::bag;
-use govtwin::bag::{ReadOptions, read};
-use govtwin::digest::sha256;
-use govtwin::effects::CATALOGUE;
+use govtwin_bag::{ReadOptions, read};
+use govtwin_files::digest::sha256;
+use govtwin_model::effects::CATALOGUE;
 use serde_json::Value;
 
 fn govtwin(dir: &Path, arguments: &[&str]) -> Output {

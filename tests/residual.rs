@@ -7,9 +7,9 @@ mod residual;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use govtwin::params;
-use govtwin::residual::model::Model;
-use govtwin::residual::row::RateOfInputs;
+use govtwin_correction::model::Model;
+use govtwin_correction::row::RateOfInputs;
+use govtwin_model::params;
 
 fn replay(model: &Path, more: &[&str]) -> Output {
     let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/startup_01.mcap");
@@ -42,7 +42,7 @@ fn a_replay_shows_both_stages_and_what_the_guard_did() {
     let moved = (corrected["bias"].as_f64().unwrap() - plain["bias"].as_f64().unwrap()).abs();
     assert!(moved > 1e-3 && moved < 0.011, "{moved}");
     assert_eq!(figures["residual"]["guard"]["rows"], figures["recordings"][0]["rows"]);
-    let documented = include_str!("../src/replay/summary.rs");
+    let documented = include_str!("../src/diagnosis/replay_summary.rs");
     for key in figures["residual"].as_object().unwrap().keys() {
         assert!(documented.contains(&format!("\"{key}\"")), "{key} is not documented");
     }
@@ -62,7 +62,7 @@ fn a_replay_that_adapts_says_what_it_saw() {
     let figures: serde_json::Value = serde_json::from_str(&text).unwrap();
     let adaptation = figures["residual"]["adaptation"].as_object().unwrap();
     assert!(adaptation["samples"].as_u64().unwrap() > 1000);
-    let documented = include_str!("../src/replay/summary.rs");
+    let documented = include_str!("../src/diagnosis/replay_summary.rs");
     for key in adaptation.keys() {
         assert!(documented.contains(&format!("\"{key}\"")), "{key} is not documented");
     }
@@ -147,10 +147,10 @@ fn every_objective_trains_by_command_and_the_model_says_which() {
 #[cfg(feature = "node")]
 #[test]
 fn the_node_corrects_in_the_same_step_as_a_replay_would() {
-    use govtwin::frame::EsvState;
-    use govtwin::node::core::{Core, InputEvent, OnStale, Policy};
-    use govtwin::residual::corrector::Corrector;
-    use govtwin::twin::Twin;
+    use govtwin_correction::corrector::Corrector;
+    use govtwin_model::frame::EsvState;
+    use govtwin_model::twin::Twin;
+    use govtwin_node::core::{Core, InputEvent, OnStale, Policy};
 
     const MS: i64 = 1_000_000;
     let unit = params::reference();

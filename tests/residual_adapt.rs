@@ -3,16 +3,16 @@
 #[path = "support/residual.rs"]
 mod residual;
 
-use govtwin::effects;
-use govtwin::generate::{self, Scenario};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::params;
-use govtwin::recording::{Process, Recording};
-use govtwin::residual::adapt::Adaptation;
-use govtwin::residual::band::Band;
-use govtwin::residual::corrector::{Corrector, motion};
-use govtwin::residual::model::Model;
-use govtwin::twin::Twin;
+use govtwin_correction::adapt::Adaptation;
+use govtwin_correction::band::Band;
+use govtwin_correction::corrector::{Corrector, motion};
+use govtwin_correction::model::Model;
+use govtwin_diagnosis::generate::{self, Scenario};
+use govtwin_model::effects;
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::params;
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::twin::Twin;
 
 /// A residual that says nothing, with the band that clean recordings of other seeds ask for, and bounds of ±0.15 pu.
 fn silent(unit: &Unit) -> Model {

@@ -1,18 +1,18 @@
 //! A residual inside the loop, on a generated unit whose pilot valve has a shifted null: what it learned helps in free run, where nothing measured enters.
 #![cfg(all(feature = "lab", feature = "residual"))]
 
-use govtwin::comparison::closed::{PULL_1_S, pull, twin};
-use govtwin::generate::{self, Scenario};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::params;
-use govtwin::recording::{Process, Recording};
-use govtwin::replay::{Scores, simulate};
-use govtwin::residual::booster::{Hyperparameters, grow};
-use govtwin::residual::forest::Forest;
-use govtwin::residual::guard::Guard;
-use govtwin::residual::inloop::FEATURES;
-use govtwin::signal::Signal;
-use govtwin::twin::Twin;
+use govtwin_correction::booster::{Hyperparameters, grow};
+use govtwin_correction::forest::Forest;
+use govtwin_correction::guard::Guard;
+use govtwin_correction::inloop::FEATURES;
+use govtwin_diagnosis::generate::{self, Scenario};
+use govtwin_lab::comparison::closed::{PULL_1_S, pull, twin};
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::params;
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::replay::{Scores, simulate};
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Twin;
 
 fn recordings(real: &Unit, seed: u64) -> Vec<Recording> {
     let of = |process| Scenario { unit: real.clone(), process, rate_hz: 100.0, duration_s: 60.0, rich: false, seed };

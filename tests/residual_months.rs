@@ -3,14 +3,14 @@
 
 use std::process::Command;
 
-use govtwin::generate::{self, Scenario};
-use govtwin::parameters::EffectSetting;
-use govtwin::params;
-use govtwin::recording::{Process, Recording};
-use govtwin::residual::adapt::Adaptation;
-use govtwin::residual::corrector::Corrector;
-use govtwin::residual::model::Model;
-use govtwin::twin::Twin;
+use govtwin_correction::adapt::Adaptation;
+use govtwin_correction::corrector::Corrector;
+use govtwin_correction::model::Model;
+use govtwin_diagnosis::generate::{self, Scenario};
+use govtwin_model::parameters::EffectSetting;
+use govtwin_model::params;
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::twin::Twin;
 
 const BIN: &str = env!("CARGO_BIN_EXE_govtwin");
 const MONTHS: u32 = 12;

@@ -4,16 +4,18 @@
 use std::path::Path;
 use std::process::Command;
 
-use govtwin::effects::CATALOGUE;
-use govtwin::frame::{EsvState, Frame, Inputs, Signals};
-use govtwin::parameters::{ENTRIES, Tolerance, Unit};
-use govtwin::params;
-use govtwin::sheet::matter::matter;
-use govtwin::sheet::{Derived, Plate, derive};
-use govtwin::twin::Twin;
+use govtwin_diagnosis::sheet::matter::matter;
+use govtwin_diagnosis::sheet::plate_file;
+use govtwin_diagnosis::sheet::{Derived, Plate, derive};
+use govtwin_model::effects::CATALOGUE;
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
+use govtwin_model::params;
+use govtwin_model::twin::Twin;
 
 fn plate(values: &[&str]) -> Plate {
-    let values = values.iter().map(|text| params::plate_value(text).unwrap_or_else(|error| panic!("{text}: {error}")));
+    let values =
+        values.iter().map(|text| plate_file::plate_value(text).unwrap_or_else(|error| panic!("{text}: {error}")));
     Plate { name: String::new(), values: values.collect() }
 }
 
@@ -113,11 +115,11 @@ fn the_twin_moves_in_the_times_of_the_plate() {
 
 #[test]
 fn a_full_plate_of_the_reference_unit_gives_the_reference_unit_back() {
-    let template = params::plate_template();
+    let template = plate_file::plate_template();
     let values: Vec<String> = template
         .lines()
         .filter_map(|line| line.strip_prefix("# ")?.split_once(": "))
-        .filter(|(key, _)| govtwin::sheet::item::item(key).is_some())
+        .filter(|(key, _)| govtwin_diagnosis::sheet::item::item(key).is_some())
         .filter(|(key, _)| {
             !["servomotor_volume", "piston_diameter", "rod_diameter", "opening_time", "closing_time"].contains(key)
         })
@@ -174,7 +176,7 @@ fn plates_that_say_too_little_or_contradict_themselves_are_refused_in_words() {
         ("tank_pressure=63", "63 Pa makes no sense of tank_pressure; expected 500000 to 50000000 Pa"),
         ("closing_time", "expected KEY=VALUE"),
     ] {
-        assert!(params::plate_value(text).unwrap_err().contains(words), "{text}");
+        assert!(plate_file::plate_value(text).unwrap_err().contains(words), "{text}");
     }
 }
 
@@ -196,8 +198,9 @@ fn knowing_more_shows_faults_sharper_and_the_missing_items_say_so() {
     assert!(found.missing.iter().all(|help| help.item.key != "closing_time"), "what is given is not missing");
     // The full sheet of the reference unit hides less: of what shows at best, more is left.
     let reference = matter(&params::reference(), &Plate::default(), 1, &|| ());
-    let left = |matter: &govtwin::sheet::matter::Matter| {
-        let share = |fault: &govtwin::sheet::matter::Shows| fault.with_sheet_ratio / fault.at_best_ratio.max(1e-9);
+    let left = |matter: &govtwin_diagnosis::sheet::matter::Matter| {
+        let share =
+            |fault: &govtwin_diagnosis::sheet::matter::Shows| fault.with_sheet_ratio / fault.at_best_ratio.max(1e-9);
         matter.faults.iter().map(share).sum::<f64>() / matter.faults.len() as f64
     };
     assert!(left(&found) < left(&reference), "{} {}", left(&found), left(&reference));
@@ -226,8 +229,8 @@ fn the_command_writes_a_sheet_that_every_command_takes() {
     assert_eq!((sheet.name.as_str(), sheet.unit.parameters.regulator.position_gain), ("unit 3", 25.0));
     assert_eq!(sheet.origins["oil.tank_pressure_pa"].source, "plate of 1998: tank_pressure 63 bar");
     assert_eq!(sheet.unit, {
-        let mut plate = params::load_plate(&folder.path().join("plate.yaml")).unwrap();
-        plate.values.extend([params::plate_value("position_gain=25").unwrap()]);
+        let mut plate = plate_file::load_plate(&folder.path().join("plate.yaml")).unwrap();
+        plate.values.extend([plate_file::plate_value("position_gain=25").unwrap()]);
         derive(&plate, &params::reference()).unwrap().unit
     });
     let (code, said) = govtwin(&["check", "unit.yaml"], folder.path());

@@ -6,24 +6,22 @@ mod plain_stage;
 #[path = "support/stage.rs"]
 mod stage;
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
-use govtwin::bag;
-use govtwin::diagnosis::result::JudgedBy;
-use govtwin::diagnosis::result::schema::DiagnosisReport;
-use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{DiagnosisSettings, diagnose};
-use govtwin::frame::{EsvState, Frame, Inputs, Signals};
-use govtwin::import::{Import, ImportError, ImportedRow, Map, Target};
-use govtwin::params::reference;
-use govtwin::provenance::Provenance;
-use govtwin::recording::Recording;
-use govtwin::report::diagnosis as report;
+use govtwin_bag::import::{Import, ImportError, ImportedRow, Map, Target};
+use govtwin_diagnosis::result::JudgedBy;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_diagnosis::result::{Diagnosis, Verdict};
+use govtwin_diagnosis::{DiagnosisSettings, diagnose};
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::params::reference;
+use govtwin_model::provenance::Provenance;
+use govtwin_model::recording::Recording;
+use govtwin_pages::diagnosis as report;
 use plain_stage::{PlainStage, in_units};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use stage::{Spool, record, symmetric, with};
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 fn freely(recordings: Vec<Recording>) -> Diagnosis {
     let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
@@ -236,8 +234,11 @@ fn crane() -> Option<Recording> {
         println!("skipped for the crane: {} is not there", path.display());
         return None;
     }
-    let options = bag::ReadOptions { required: vec![bag::Stream::ServoState], ..bag::ReadOptions::default() };
-    Some(bag::read(&path, &options).unwrap().recording)
+    let options = govtwin_bag::ReadOptions {
+        required: vec![govtwin_bag::Stream::ServoState],
+        ..govtwin_bag::ReadOptions::default()
+    };
+    Some(govtwin_bag::read(&path, &options).unwrap().recording)
 }
 
 /// Writes a recording as a table with a map that takes its numbers as they are; the two paths.

@@ -8,23 +8,21 @@ mod plain_stage;
 #[path = "support/stage.rs"]
 mod stage;
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
-use govtwin::bag;
-use govtwin::diagnosis::result::JudgedBy;
-use govtwin::diagnosis::result::schema::DiagnosisReport;
-use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{DiagnosisSettings, diagnose};
-use govtwin::frame::{Frame, Signals};
-use govtwin::params::reference;
-use govtwin::provenance::Provenance;
-use govtwin::recording::Recording;
-use govtwin::report::diagnosis as report;
+use govtwin_diagnosis::result::JudgedBy;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_diagnosis::result::{Diagnosis, Verdict};
+use govtwin_diagnosis::{DiagnosisSettings, diagnose};
+use govtwin_model::frame::{Frame, Signals};
+use govtwin_model::params::reference;
+use govtwin_model::provenance::Provenance;
+use govtwin_model::recording::Recording;
+use govtwin_pages::diagnosis as report;
 use plain_stage::{PlainStage, in_units};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use stage::{Spool, record, symmetric, with};
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// A stage alike both ways, which has no gap.
 const ALIKE: PlainStage = PlainStage { dead_pu: 0.03, gains_pu_s: [0.1, 0.1], ..PlainStage::USUAL };
@@ -265,8 +263,11 @@ fn crane_path() -> PathBuf {
 #[test]
 #[ignore = "needs ../shared/bags/real/crane.mcap"]
 fn the_cranes_verdict_holds_in_any_unit_at_any_sign_and_rate() {
-    let options = bag::ReadOptions { required: vec![bag::Stream::ServoState], ..bag::ReadOptions::default() };
-    let crane = bag::read(&crane_path(), &options).unwrap().recording;
+    let options = govtwin_bag::ReadOptions {
+        required: vec![govtwin_bag::Stream::ServoState],
+        ..govtwin_bag::ReadOptions::default()
+    };
+    let crane = govtwin_bag::read(&crane_path(), &options).unwrap().recording;
     let every_other_fast_turned = in_units(&at_rates(&quickened(&crane, 10), 2, 2), [-40.0, 7.0], [0.02, -3.0]);
     let variants = [
         ("turned and in other units", in_units(&crane, [-40.0, 7.0], [0.02, -3.0])),
@@ -304,8 +305,11 @@ fn the_cranes_verdict_holds_in_any_unit_at_any_sign_and_rate() {
 #[test]
 #[ignore = "does not hold yet; needs ../shared/bags/real/crane.mcap"]
 fn a_crane_a_hundred_times_as_fast_keeps_its_verdict() {
-    let options = bag::ReadOptions { required: vec![bag::Stream::ServoState], ..bag::ReadOptions::default() };
-    let said = freely(vec![quickened(&bag::read(&crane_path(), &options).unwrap().recording, 100)]);
+    let options = govtwin_bag::ReadOptions {
+        required: vec![govtwin_bag::Stream::ServoState],
+        ..govtwin_bag::ReadOptions::default()
+    };
+    let said = freely(vec![quickened(&govtwin_bag::read(&crane_path(), &options).unwrap().recording, 100)]);
     assert!(matches!(said.verdict, Verdict::Named | Verdict::Class), "{}", shown(&said));
 }
 
@@ -335,8 +339,11 @@ fn the_cranes_improved_twin_replays_it_in_its_own_numbers() {
     let dir = tempfile::tempdir().unwrap();
     let path = crane_path().display().to_string();
     let plain = r2_of_the_improved_twin(dir.path(), &[&path]);
-    let options = bag::ReadOptions { required: vec![bag::Stream::ServoState], ..bag::ReadOptions::default() };
-    let crane = in_units(&bag::read(&crane_path(), &options).unwrap().recording, [-40.0, 7.0], [0.02, -3.0]);
+    let options = govtwin_bag::ReadOptions {
+        required: vec![govtwin_bag::Stream::ServoState],
+        ..govtwin_bag::ReadOptions::default()
+    };
+    let crane = in_units(&govtwin_bag::read(&crane_path(), &options).unwrap().recording, [-40.0, 7.0], [0.02, -3.0]);
     let mut text = "t,u,y\n".to_owned();
     for frame in &crane.frames {
         let Signals { spool_position_pu, servomotor_position_pu, .. } = frame.measured;

@@ -93,7 +93,8 @@ fn the_readme_names_every_command() {
 
 #[test]
 fn every_effect_is_in_the_catalogue() {
-    let catalogue: Vec<(&str, &str)> = govtwin::effects::CATALOGUE.iter().map(|spec| (spec.id, spec.source)).collect();
+    let catalogue: Vec<(&str, &str)> =
+        govtwin_model::effects::CATALOGUE.iter().map(|spec| (spec.id, spec.source)).collect();
     hold(&text::unregistered(&rust(), &catalogue));
 }
 

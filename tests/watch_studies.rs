@@ -5,15 +5,15 @@
 //! All recordings are synthetic.
 #![cfg(feature = "cli")]
 
-use govtwin::diagnosis::{DiagnosisSettings, diagnose};
-use govtwin::frame::Frame;
-use govtwin::generate::{self, Scenario};
-use govtwin::parameters::EffectSetting;
-use govtwin::recording::Process;
-use govtwin::trend::{SizeEstimate, chart};
-use govtwin::units::nanos_from_seconds;
-use govtwin::watch::cut::Cutter;
-use govtwin::watch::history::{self, ProcessEntry};
+use govtwin_diagnosis::generate::{self, Scenario};
+use govtwin_diagnosis::trend::{SizeEstimate, chart};
+use govtwin_diagnosis::watch::cut::Cutter;
+use govtwin_diagnosis::watch::history::{self, ProcessEntry};
+use govtwin_diagnosis::{DiagnosisSettings, diagnose};
+use govtwin_model::frame::Frame;
+use govtwin_model::parameters::EffectSetting;
+use govtwin_model::recording::Process;
+use govtwin_model::units::nanos_from_seconds;
 use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
 
@@ -26,7 +26,7 @@ const MONTH: usize = 120;
 fn operation(seed: u64, count: u64, overlap_m: impl Fn(f64) -> f64) -> Vec<Frame> {
     let mut all: Vec<Frame> = vec![];
     for number in 0..count {
-        let mut unit = generate::spread(&govtwin::params::reference(), seed);
+        let mut unit = generate::spread(&govtwin_model::params::reference(), seed);
         unit.effects =
             vec![EffectSetting { id: "port_overlap".to_owned(), values: vec![overlap_m(0.5 * number as f64)] }];
         let process = Process::ALL[number as usize % 4];
@@ -56,7 +56,7 @@ fn watched(frames: &[Frame]) -> Vec<ProcessEntry> {
     for cut in cuts {
         let (time_ns, process) = (cut.recording.frames[0].time_ns, cut.recording.process);
         let followed = history::followed(&entries);
-        let said = diagnose(vec![cut.recording], &govtwin::params::reference(), &settings, &|_, _| ());
+        let said = diagnose(vec![cut.recording], &govtwin_model::params::reference(), &settings, &|_, _| ());
         let (verdict, sizes) = match &said {
             Ok(said) => (said.verdict.id(), history::sizes(said, &followed)),
             Err(_) => ("not_diagnosed", vec![]),

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use govtwin::bag::{self, Qos, Writer, WriterOptions};
-use govtwin::files::Claim;
-use govtwin::msg::EsvState;
+use govtwin_bag::msg::EsvState;
+use govtwin_bag::{Qos, Writer, WriterOptions};
+use govtwin_files::Claim;
 
 /// Draws of the moments at which processes are killed.
 const KILLS: u64 = 14;
@@ -65,7 +65,7 @@ fn whole(out: &Path, bags: &[&str]) -> usize {
     for name in bags {
         let path = out.join(name);
         if path.exists() {
-            let survey = bag::survey(&path).unwrap();
+            let survey = govtwin_bag::survey(&path).unwrap();
             assert!(survey.warnings.is_empty() && survey.messages > 1000, "{name}: {:?}", survey.warnings);
             assert!(survey.topics.iter().any(|topic| topic.name == "/sim/servo_state"), "{name}");
             there += 1;
@@ -164,7 +164,7 @@ fn recordings_that_are_killed_in_the_making_leave_no_bag() {
         let named = tree(&out).into_iter().filter(|path| path.parent() == Some(&out));
         for path in named.filter(|path| !path.file_name().unwrap().to_string_lossy().starts_with('.')) {
             if path.is_dir() {
-                let survey = bag::survey(&path).unwrap();
+                let survey = govtwin_bag::survey(&path).unwrap();
                 assert!(survey.warnings.is_empty() && survey.messages > 1000, "{survey:?}");
             }
         }
@@ -199,7 +199,7 @@ fn of_two_imports_into_one_bag_one_is_refused_and_a_killed_one_blocks_nobody() {
     let (rows, bag, lock) = (400_000, dir.path().join("bag"), dir.path().join(".govtwin-bag.lock"));
     let arguments = import_of(dir.path(), rows);
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let messages = || bag::survey(&bag).map_or(0, |survey| survey.messages);
+    let messages = || govtwin_bag::survey(&bag).map_or(0, |survey| survey.messages);
     let mut first = command(&arguments).spawn().unwrap();
     await_path(&lock, &mut first);
     let second = govtwin(&arguments);

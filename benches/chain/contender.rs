@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use govtwin::solver::Method;
-use govtwin::twin::{Cut, Twin};
+use govtwin_model::solver::Method;
+use govtwin_model::twin::{Cut, Twin};
 use rustix::time::{ClockId, clock_gettime};
 
 use crate::tape::Tape;
@@ -92,7 +92,7 @@ fn processor_s() -> f64 {
 
 /// Runs the twin over the tape, again and again until `long_enough_s` have passed; the mean time of one.
 pub fn own(tape: &Tape, method: Method, cut: Cut, long_enough_s: f64) -> Run {
-    let mut twin = Twin::with_method(&govtwin::params::reference(), method).with_cut(cut);
+    let mut twin = Twin::with_method(&govtwin_model::params::reference(), method).with_cut(cut);
     let mut positions = Vec::new();
     let mut runs = 0_u32;
     let begin_s = processor_s();
@@ -124,7 +124,7 @@ pub fn all(folder: &Path) -> Vec<Contender> {
     let rk4 = |max_step_s| Method::Rk4 { max_step_s };
     let rosenbrock = |max_step_s| Method::Rosenbrock { max_step_s };
     let mut all = vec![
-        methods(DEFAULT, split, &[1e6 * govtwin::solver::split::SPOOL_STEP_S]),
+        methods(DEFAULT, split, &[1e6 * govtwin_model::solver::split::SPOOL_STEP_S]),
         methods("split, other steps", split, &[1000.0, 250.0, 125.0]),
         methods("RK4", rk4, &[500.0, 250.0, 200.0, 125.0, 100.0, 50.0]),
         methods("Rosenbrock ROS2", rosenbrock, &[1000.0, 500.0, 250.0, 125.0, 100.0, 50.0]),

@@ -14,8 +14,8 @@ mod tape;
 use std::io::Write;
 
 use contender::{Contender, DEFAULT, Run};
-use govtwin::solver::Method;
-use govtwin::twin::Cut;
+use govtwin_model::solver::Method;
+use govtwin_model::twin::Cut;
 use tape::Tape;
 
 /// Greatest error of a contender that counts, pu.

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use govtwin::bag::{self, ReadOptions};
-use govtwin::frame::{EsvState, Frame, Signals};
-use govtwin::recording::{Process, Recording};
-use govtwin::twin::Twin;
+use govtwin_bag::ReadOptions;
+use govtwin_model::frame::{EsvState, Frame, Signals};
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::twin::Twin;
 
 /// Time from row to row, ns: the large loop's period.
 const ROW_NS: i64 = 10_000_000;
@@ -30,14 +30,14 @@ impl Tape {
         let bags = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/practice/case_01");
         let part = |process: Process| {
             let path = bags.join(process.id()).with_extension("mcap");
-            let loaded = bag::read(&path, &ReadOptions::default()).expect("a shipped recording");
+            let loaded = govtwin_bag::read(&path, &ReadOptions::default()).expect("a shipped recording");
             Part { frames: regular(&loaded.recording) }
         };
         let parts: Vec<Part> = Process::ALL.into_iter().map(part).collect();
         let path = folder.join("tape.f64");
         let mut numbers = Vec::new();
         for part in &parts {
-            let mut twin = Twin::new(&govtwin::params::reference());
+            let mut twin = Twin::new(&govtwin_model::params::reference());
             twin.advance(&part.frames[0]);
             numbers.push(part.frames.len() as f64);
             numbers.extend(twin.state().to_vector().iter());

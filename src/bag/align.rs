@@ -2,8 +2,8 @@
 
 use super::streams::{OpeningCommand, Pressure, Sample};
 use super::{BagError, Interpolation};
-use crate::frame::{EsvState, Frame, Inputs, Signals};
-use crate::units::seconds_from_nanos;
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::units::seconds_from_nanos;
 
 /// The most rows that resampling may make of a recording: 2.7 h at 1 ms, about 0.8 GB, and several times that in a fit.
 pub(super) const ROW_LIMIT: i64 = 10_000_000;

@@ -1,7 +1,7 @@
 //! What the numbers of one channel look like: range, repeats, single samples far from both neighbours, alternation.
 
 use super::distribution::Distribution;
-use crate::units::seconds_from_nanos;
+use govtwin_model::units::seconds_from_nanos;
 
 /// Samples over which alternation is told: as many differences lie within one that chance does not order them.
 const WINDOW: u64 = 16;

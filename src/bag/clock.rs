@@ -1,7 +1,7 @@
 //! The clock of the stamps against the recorder's: how far ahead, and whether one of them runs faster.
 
-use crate::metrics::median;
-use crate::units::seconds_from_nanos;
+use govtwin_model::metrics::median;
+use govtwin_model::units::seconds_from_nanos;
 
 /// Blocks into which a recording is divided; the least delay of a block is that of a message which nothing held up.
 const BLOCKS: usize = 64;

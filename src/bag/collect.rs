@@ -10,9 +10,9 @@ use super::pace::Pace;
 use super::streams::{OpeningCommand, Pressure, Sample, Value, decode};
 use super::topic::{RawView, TopicInfo, shown};
 use super::{Positions, ReadOptions, Stream, StreamHealth, Warning};
-use crate::frame::{EsvState, Signals};
 use crate::msg::Interface;
 use crate::msg::definition;
+use govtwin_model::frame::{EsvState, Signals};
 
 /// One stream.
 pub(super) struct Collector<V> {

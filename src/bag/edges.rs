@@ -3,7 +3,7 @@
 use super::align::{Streams, stamps};
 use super::topic_survey::PaceSurvey;
 use super::{Stream, StreamHealth, Warning};
-use crate::units::seconds_from_nanos;
+use govtwin_model::units::seconds_from_nanos;
 
 /// Edges nearer than this are no news, s.
 const WORTH_A_WORD_S: f64 = 1.0;

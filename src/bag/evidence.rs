@@ -4,8 +4,8 @@ use super::channel::{Behaviour, Channel};
 use super::clock::Clock;
 use super::topic::RawView;
 use super::{Qos, Stream};
-use crate::frame::{EsvState, Frame};
-use crate::signal::Signal;
+use govtwin_model::frame::{EsvState, Frame};
+use govtwin_model::signal::Signal;
 
 /// Opening command: a governor computes it, so that nothing bounds its speed; 2 % of the stroke is more than any dither.
 pub(super) const COMMAND: Behaviour = Behaviour { worth: 0.02, fastest_per_s: 0.0 };
@@ -13,7 +13,7 @@ pub(super) const COMMAND: Behaviour = Behaviour { worth: 0.02, fastest_per_s: 0.
 pub(super) const PRESSURE: Behaviour = Behaviour { worth: 1e5, fastest_per_s: 2e5 };
 /// ESV: two states, of which each may follow the other.
 pub(super) const ESV: Behaviour = Behaviour { worth: f64::INFINITY, fastest_per_s: f64::INFINITY };
-/// The measured signals in the order of [`Signal::ALL`](crate::signal::Signal::ALL). No servomotor runs its stroke in less than 0.5 s, no
+/// The measured signals in the order of [`Signal::ALL`](govtwin_model::signal::Signal::ALL). No servomotor runs its stroke in less than 0.5 s, no
 /// spool in less than 50 ms, no pilot valve in less than 5 ms; of the control pressure nothing is known, for oil hammers.
 pub(super) const MEASURED: [Behaviour; 4] = [
     Behaviour { worth: 0.02, fastest_per_s: 2.0 },

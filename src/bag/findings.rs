@@ -5,8 +5,8 @@ use super::clock::{Clock, Drift};
 use super::evidence::Still;
 use super::topic::shown;
 use super::{FileHealth, Finding, Kind, Severity};
-use crate::signal::Signal;
-use crate::units::seconds_from_nanos;
+use govtwin_model::signal::Signal;
+use govtwin_model::units::seconds_from_nanos;
 
 /// Findings on one topic or file.
 pub(super) struct Found<'a> {

@@ -9,8 +9,8 @@ use std::collections::VecDeque;
 use super::Interpolation;
 use super::align::{Cursor, ROW_LIMIT};
 use super::streams::{OpeningCommand, Pressure, Sample};
-use crate::frame::{Frame, Signals};
-use crate::units::NANOS_PER_SECOND;
+use govtwin_model::frame::{Frame, Signals};
+use govtwin_model::units::NANOS_PER_SECOND;
 
 /// All samples are needed at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

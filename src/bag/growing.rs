@@ -18,8 +18,8 @@ use super::source::{self, BagFile, BagSource, Storage};
 use super::streams::Value as _;
 use super::topic::RawView;
 use super::{BagError, ReadOptions, Stream, unpack};
-use crate::frame::Frame;
-use crate::units::NANOS_PER_SECOND;
+use govtwin_model::frame::Frame;
+use govtwin_model::units::NANOS_PER_SECOND;
 
 /// A stream that was not heard for so long since the first message is taken for absent.
 const SILENT_NS: i64 = 30 * NANOS_PER_SECOND;

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::topic_survey::PaceSurvey;
 use super::{Finding, SYNTHETIC};
-use crate::units::seconds_from_nanos;
+use govtwin_model::units::seconds_from_nanos;
 
 /// Everything worth knowing about a bag besides its values.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -76,9 +76,9 @@ pub struct FileHealth {
     pub stated_messages: Option<u64>,
     /// Names of metadata records.
     pub metadata: Vec<String>,
-    /// Says that the program's own twin was simulated, and nothing measured ([`SIMULATOR`](crate::bag::SIMULATOR)).
+    /// Says that the program's own twin was simulated, and nothing measured ([`SIMULATOR`](crate::SIMULATOR)).
     pub from_the_twin: bool,
-    /// What the program wrote of the bag ([`GOVTWIN`](crate::bag::GOVTWIN)), by key; long texts are cut.
+    /// What the program wrote of the bag ([`GOVTWIN`](crate::GOVTWIN)), by key; long texts are cut.
     pub about: BTreeMap<String, String>,
     /// What could not be read.
     pub damage: Vec<Damage>,

@@ -16,8 +16,8 @@ use super::read::Read;
 use super::streams::{OpeningCommand, Pressure, Sample, Value, note};
 use super::topic::RawView;
 use super::{ReadOptions, Stream, StreamHealth};
-use crate::frame::{EsvState, Frame, Inputs, Signals};
-use crate::units::NANOS_PER_SECOND;
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::units::NANOS_PER_SECOND;
 
 /// A sample may be so late behind the newest of its own stream; one that is later shows a clock that was set back.
 const LATE_NS: i64 = order::SET_BACK_NS;

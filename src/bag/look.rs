@@ -9,9 +9,9 @@ use super::read::{check, read};
 use super::source::{BagSource, Scanned};
 use super::topic::{OnMessage, RawMessage, RawView};
 use super::{BagError, Health, Loaded, ReadOptions, Survey, source, survey};
-use crate::frame::Frame;
-use crate::recording::{Process, ProcessWatch};
-use crate::units::seconds_from_nanos;
+use govtwin_model::frame::Frame;
+use govtwin_model::recording::{Process, ProcessWatch};
+use govtwin_model::units::seconds_from_nanos;
 
 /// Takes the rows of a recording one by one.
 pub trait Rows {

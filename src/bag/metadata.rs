@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::files::check_yaml;
+use govtwin_files::check_yaml;
 
 /// Longer profiles of quality of service are not parsed, bytes; a publisher's has some 300.
 const LONGEST_PROFILES: usize = 1 << 16;

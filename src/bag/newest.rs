@@ -3,7 +3,7 @@
 use super::collect::Collected;
 use super::topic::{RawMessage, RawView};
 use super::{ReadOptions, Stream};
-use crate::frame::{EsvState, Frame, Inputs};
+use govtwin_model::frame::{EsvState, Frame, Inputs};
 
 /// Follows the four streams message by message, in memory that does not grow.
 pub struct Newest {

@@ -2,7 +2,7 @@
 
 use super::StreamHealth;
 use super::streams::{Sample, Value, note};
-use crate::units::NANOS_PER_SECOND;
+use govtwin_model::units::NANOS_PER_SECOND;
 
 /// A stamp this far behind its predecessor is a clock set back; less is a late sample.
 pub(super) const SET_BACK_NS: i64 = NANOS_PER_SECOND;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::distribution::Distribution;
 use super::topic_survey::PaceSurvey;
-use crate::units::seconds_from_nanos;
+use govtwin_model::units::seconds_from_nanos;
 
 /// An interval longer than this many medians is a gap.
 const GAP_MEDIANS: i64 = 5;

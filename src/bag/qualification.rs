@@ -12,7 +12,7 @@
 use super::evidence::{RowEvidence, Still, StreamEvidence};
 use super::findings::{self, Found};
 use super::{FileHealth, Finding, Kind, Severity, Stream};
-use crate::signal::Signal;
+use govtwin_model::signal::Signal;
 
 /// A physically possible range.
 #[derive(Clone, Copy, Debug)]

@@ -14,9 +14,9 @@ use super::{
     BagError, FileHealth, Finding, Health, Kind, Loaded, ReadOptions, Severity, Stream, StreamHealth, Warning,
 };
 use super::{findings, qualification};
-use crate::frame::EsvState;
 use crate::msg::{Interface, ServoState};
-use crate::recording::Recording;
+use govtwin_model::frame::EsvState;
+use govtwin_model::recording::Recording;
 
 /// Gaps shorter than this are no news on any machine, s.
 const GAP_WORTH_A_WORD_S: f64 = 0.1;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::files::fault::step;
+use govtwin_files::fault::step;
 
 /// Name of the file that takes the room.
 pub(super) const FILE_NAME: &str = ".room";

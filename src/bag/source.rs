@@ -12,7 +12,7 @@ use super::metadata::{self, Metadata};
 use super::segment::Segment;
 use super::topic::{OnMessage, RawView, TopicInfo, shown};
 use super::{BagError, Damage, FileHealth, Finding, Warning, qualification, unpack};
-use crate::files::{Scratch, check_regular, read_text, settle};
+use govtwin_files::{Scratch, check_regular, read_text, settle};
 
 /// More than `metadata.yaml` has for ten thousand topics.
 const LARGEST_METADATA_BYTES: u64 = 1 << 24;

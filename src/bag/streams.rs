@@ -4,9 +4,9 @@ use super::evidence::StreamEvidence;
 use super::qualification::{ANY_LIMITS, COMMAND_LIMITS, POSITION_LIMITS, PRESSURE_LIMITS, check_tank_pressure};
 use super::topic::RawView;
 use super::{Positions, StreamHealth, cdr};
-use crate::frame::{EsvState, Signals};
 use crate::msg::{self, Interface, Time};
-use crate::parameters::{ChannelReading, ChannelReadings};
+use govtwin_model::frame::{EsvState, Signals};
+use govtwin_model::parameters::{ChannelReading, ChannelReadings};
 
 /// One decoded value with its times.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,7 +8,7 @@ use super::layout::Layout;
 use super::pace::Pace;
 use super::topic::{RawView, TopicInfo};
 use super::topic_survey::{FieldSurvey, Spread, TopicSurvey};
-use crate::units::seconds_from_nanos;
+use govtwin_model::units::seconds_from_nanos;
 
 /// Fields of all topics together that are looked into; messages of further topics are counted only.
 const MOST_FIELDS: usize = 100_000;

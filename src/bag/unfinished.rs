@@ -5,8 +5,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::{BagError, WriterOptions, metadata, reserve, source};
-use crate::files::fault::step;
-use crate::files::{
+use govtwin_files::fault::step;
+use govtwin_files::{
     Claim, ClaimError, exchange, is_held, look_at, look_at_link, make_folder, move_new, remove_abandoned,
     temporary_folder,
 };

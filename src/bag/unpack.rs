@@ -7,7 +7,7 @@ use std::path::Path;
 use super::chunk::{UNPACK_RATIO, unpack_limit};
 use super::topic::RawView;
 use super::{BagError, Damage};
-use crate::files::Scratch;
+use govtwin_files::Scratch;
 
 /// How a zstd frame begins; no CDR message does.
 const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];

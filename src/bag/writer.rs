@@ -15,9 +15,9 @@ use super::reserve::Reserved;
 use super::topic::{Qos, RawMessage, TopicInfo};
 use super::unfinished::{self, Unfinished};
 use super::{BagError, cdr};
-use crate::files::fault::step;
-use crate::files::{hold, write_atomically};
 use crate::msg::Interface;
+use govtwin_files::fault::step;
+use govtwin_files::{hold, write_atomically};
 
 /// How a bag is to be written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -322,8 +322,8 @@ impl Writer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::fault::refuse_each;
     use crate::msg::EsvState;
+    use govtwin_files::fault::refuse_each;
 
     fn write(dir: &Path, options: WriterOptions, messages: i64) -> Result<PathBuf, BagError> {
         let mut writer = Writer::create(dir, options)?;

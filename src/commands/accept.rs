@@ -2,20 +2,21 @@
 
 mod faults;
 
+use govtwin_diagnosis::acceptance::limits_file;
 use std::path::PathBuf;
 
 use anyhow::bail;
-use govtwin::acceptance::counterfactual::{self, Compared};
-use govtwin::acceptance::limits::{AcceptanceLimits, LimitStanding};
-use govtwin::acceptance::page::{Drawn, measures_table, page, without_table};
-use govtwin::acceptance::series::Series;
-use govtwin::acceptance::summary::{AcceptanceSummary, DiagnosedTwin, csv, summarise};
-use govtwin::parameters::Unit;
-use govtwin::params;
-use govtwin::provenance::Provenance;
-use govtwin::recording::Recording;
-use govtwin::replay::simulate;
-use govtwin::twin::Twin;
+use govtwin_diagnosis::acceptance::counterfactual::{self, Compared};
+use govtwin_diagnosis::acceptance::limits::{AcceptanceLimits, LimitStanding};
+use govtwin_diagnosis::acceptance::series::Series;
+use govtwin_diagnosis::acceptance::summary::{AcceptanceSummary, DiagnosedTwin, csv, summarise};
+use govtwin_model::parameters::Unit;
+use govtwin_model::params;
+use govtwin_model::provenance::Provenance;
+use govtwin_model::recording::Recording;
+use govtwin_model::replay::simulate;
+use govtwin_model::twin::Twin;
+use govtwin_pages::acceptance::{Drawn, measures_table, page, without_table};
 
 use super::bags::{self, MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
@@ -91,10 +92,10 @@ broken, undecided or not shown, or there are warnings.";
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if args.template {
-        print(&params::limits_template())?;
+        print(&limits_file::limits_template())?;
         return Ok(Outcome::Ok);
     }
-    let limits = args.limits.as_ref().map(|path| params::load_limits(path)).transpose()?.unwrap_or_default();
+    let limits = args.limits.as_ref().map(|path| limits_file::load_limits(path)).transpose()?.unwrap_or_default();
     let sheet = match &args.params {
         Some(path) => params::load_sheet(path)?,
         None => params::reference_sheet(),

@@ -7,13 +7,13 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{Health, Interpolation, Positions, ReadOptions, Stream, Topics, Warning};
-use govtwin::diagnosis::result::NEXT_TEST;
-use govtwin::files::look_at;
-use govtwin::import::Map;
-use govtwin::parameters::Unit;
-use govtwin::params::quantity_text;
-use govtwin::recording::Recording;
+use govtwin_bag::import::Map;
+use govtwin_bag::{Health, Interpolation, Positions, ReadOptions, Stream, Topics, Warning};
+use govtwin_diagnosis::result::NEXT_TEST;
+use govtwin_files::look_at;
+use govtwin_model::parameters::Unit;
+use govtwin_model::params::quantity_text;
+use govtwin_model::recording::Recording;
 use tempfile::TempDir;
 
 use super::output::say;
@@ -155,7 +155,7 @@ const OWN: &str = "simulated by govtwin's own twin, which says nothing of the un
 
 /// Reads all bags that the paths name; what cannot be read is left out with a warning, as long as something is left.
 ///
-/// Of a long recording each process is taken as a recording of its own (`govtwin::watch::excerpt`).
+/// Of a long recording each process is taken as a recording of its own (`govtwin_diagnosis::watch::excerpt`).
 ///
 /// Command and pressure run from sample to sample, on a grid of the twin's own tick. A recording without a command is
 /// one of the servomotor stage, driven by its spool; that other inputs are missing is then no news. What is read is held against

@@ -10,9 +10,9 @@ mod shard;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use govtwin::battery::plan::BatteryRates;
-use govtwin::files::is_same;
-use govtwin::params;
+use govtwin_files::is_same;
+use govtwin_lab::battery::plan::BatteryRates;
+use govtwin_model::params;
 use rayon::prelude::{ParallelBridge, ParallelIterator};
 
 use self::battery::BatteryOf;
@@ -253,7 +253,7 @@ fn outcome(failed: &[String]) -> Outcome {
 
 #[cfg(test)]
 mod tests {
-    use govtwin::battery::plan::BatteryRates;
+    use govtwin_lab::battery::plan::BatteryRates;
 
     use super::rates;
 

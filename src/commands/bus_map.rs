@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use govtwin::import::{Map, MappedField};
-use govtwin::node::bus_map::BusMap;
+use govtwin_bag::import::{Map, MappedField};
+use govtwin_node::bus_map::BusMap;
 
 use super::output::warn;
 

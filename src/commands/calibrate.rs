@@ -1,20 +1,21 @@
 //! `govtwin calibrate`: learn the weights of the diagnosis's posterior from judged units whose faults are known.
 
+use govtwin_lab::benchmark::scored_report::ScoredReport as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::battery::Label;
-use govtwin::benchmark::learn::{
+use govtwin_diagnosis::decision::weights::{Questions, Weights};
+use govtwin_diagnosis::result::Interval;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_files::read_text;
+use govtwin_lab::battery::Label;
+use govtwin_lab::benchmark::learn::{
     Example, LearningResult, examples, explained_fraction_widening, learn, log_score, size_spread,
 };
-use govtwin::benchmark::rejudge::{EvidenceLeftOut, rejudged};
-use govtwin::benchmark::score::{Score, score};
-use govtwin::benchmark::scored::ScoredUnit;
-use govtwin::diagnosis::decision::weights::{Questions, Weights};
-use govtwin::diagnosis::result::Interval;
-use govtwin::diagnosis::result::schema::DiagnosisReport;
-use govtwin::files::read_text;
-use govtwin::params::labels;
+use govtwin_lab::benchmark::rejudge::{EvidenceLeftOut, rejudged};
+use govtwin_lab::benchmark::score::{Score, score};
+use govtwin_lab::benchmark::scored::ScoredUnit;
+use govtwin_lab::labels;
 
 use super::output::{claim_place, print, write_atomically};
 use super::report_file;

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use govtwin::effects::find_in;
-use govtwin::parameters::{ENTRIES, Tolerance, Unit};
-use govtwin::params::{self, Origin, SENSOR_ENTRIES, Sheet, number_text, quantity_text, tolerance_text};
+use govtwin_model::effects::find_in;
+use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
+use govtwin_model::params::{self, Origin, SENSOR_ENTRIES, Sheet, number_text, quantity_text, tolerance_text};
 use serde_json::{Value, json};
 
 use crate::commands::output::{print, warn};

@@ -5,30 +5,30 @@ mod field;
 use std::collections::BTreeMap;
 
 use anyhow::{Context, bail};
-use govtwin::comparison::ablation::{Parents, STEPS, ablation, same_rows};
-use govtwin::comparison::breakdown::{ErrorBreakdown, breakdown};
-use govtwin::comparison::closed::closed_loop;
-use govtwin::comparison::contenders::{LeftOutProcess, leave_one_out};
-use govtwin::comparison::coverage::covered_by_distance;
-use govtwin::comparison::limit::{LimitKnowledge, limit};
-use govtwin::comparison::refit::{refit, teaching};
-use govtwin::comparison::summary::{
+use govtwin_correction::band::Band;
+use govtwin_correction::booster::Hyperparameters;
+use govtwin_correction::model::Model;
+use govtwin_correction::row::RateOfInputs;
+use govtwin_correction::split::{RowSplit, seven_to_three};
+use govtwin_correction::table::FeatureTable;
+use govtwin_diagnosis::identification::calibration::parts;
+use govtwin_diagnosis::replay_summary::cut_id;
+use govtwin_lab::comparison::ablation::{Parents, STEPS, ablation, same_rows};
+use govtwin_lab::comparison::breakdown::{ErrorBreakdown, breakdown};
+use govtwin_lab::comparison::closed::closed_loop;
+use govtwin_lab::comparison::contenders::{LeftOutProcess, leave_one_out};
+use govtwin_lab::comparison::coverage::covered_by_distance;
+use govtwin_lab::comparison::limit::{LimitKnowledge, limit};
+use govtwin_lab::comparison::page::{HYBRIDS, Shown, breakdown_table, models_table, page, spread_table};
+use govtwin_lab::comparison::refit::{refit, teaching};
+use govtwin_lab::comparison::summary::{
     Claims, ComparisonSummary, FreeRunFigures, Importance, ModelFigures, SCHEMA, UnseenProcess, claims, covered, spread,
 };
-use govtwin::comparison::{Contender, ModelStanding};
-use govtwin::identification::calibration::parts;
-use govtwin::parameters::Unit;
-use govtwin::replay::summary::cut_id;
-use govtwin::report::comparison::{HYBRIDS, Shown, breakdown_table, models_table, page, spread_table};
-use govtwin::report::table::Table as Printed;
-use govtwin::residual::band::Band;
-use govtwin::residual::booster::Hyperparameters;
-use govtwin::residual::model::Model;
-use govtwin::residual::row::RateOfInputs;
-use govtwin::residual::split::{RowSplit, seven_to_three};
-use govtwin::residual::table::FeatureTable;
-use govtwin::signal::Signal;
-use govtwin::twin::Cut;
+use govtwin_lab::comparison::{Contender, ModelStanding};
+use govtwin_model::parameters::Unit;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Cut;
+use govtwin_pages::table::Table as Printed;
 
 use super::learn::{self, OpeningFrom, TrainingData, grid_ns};
 use super::output::{Output, Progress, print, table_text};
@@ -262,7 +262,7 @@ fn settings(args: &Args, ready: &TrainingData, hybrid: &Model) -> BTreeMap<&'sta
         ("unit", ready.sheet.name.clone()),
         ("signal", hybrid.signal.clone()),
         ("cut", cut_id(cut).to_owned()),
-        ("period, s", format!("{}", govtwin::units::seconds_from_nanos(hybrid.period_ns))),
+        ("period, s", format!("{}", govtwin_model::units::seconds_from_nanos(hybrid.period_ns))),
         ("seed", args.learn.seed.to_string()),
         ("evaluations of each search", args.learn.budget().0.to_string()),
         ("seeds", args.seeds.to_string()),
@@ -285,7 +285,7 @@ fn importance(model: &Model) -> Vec<Importance> {
     let whole: f64 = model.importance.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let of = |(name, gain): (&String, &f64)| Importance {
         feature: name.clone(),
-        group: govtwin::residual::features::named(name).map_or("", |feature| feature.group().title()),
+        group: govtwin_correction::features::named(name).map_or("", |feature| feature.group().title()),
         gain_share: gain / whole,
     };
     let mut all: Vec<Importance> = model.features.iter().zip(&model.importance).map(of).collect();

@@ -9,14 +9,14 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::builder::PossibleValuesParser;
-use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{DiagnosisSettings, diagnose};
-use govtwin::effects::own;
-use govtwin::parameters::{OwnEffect, Unit};
-use govtwin::params;
-use govtwin::provenance::Provenance;
-use govtwin::recording::Recording;
-use govtwin::report::diagnosis as report;
+use govtwin_diagnosis::result::{Diagnosis, Verdict};
+use govtwin_diagnosis::{DiagnosisSettings, diagnose};
+use govtwin_model::effects::own;
+use govtwin_model::parameters::{OwnEffect, Unit};
+use govtwin_model::params;
+use govtwin_model::provenance::Provenance;
+use govtwin_model::recording::Recording;
+use govtwin_pages::diagnosis as report;
 
 use super::bags::{MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, warn, width};
@@ -233,7 +233,7 @@ fn settings(args: &Args) -> anyhow::Result<(DiagnosisSettings, Vec<OwnEffect>)> 
     let mut own_effects = vec![];
     for id in &args.without {
         let known = || settings.catalogue.iter().map(|spec| spec.id);
-        if govtwin::effects::find(id).is_none() {
+        if govtwin_model::effects::find(id).is_none() {
             let near = params::nearest(id, known()).map(|near| format!("did you mean `{near}`?"));
             let way_out = near.unwrap_or_else(|| "`govtwin effects` lists them".to_owned());
             return Err(usage(format!("--without {id}: there is no such effect; {way_out}")));

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use govtwin::bag::{self, FileHealth, Survey, Warning};
+use govtwin_bag::{FileHealth, Survey, Warning};
 use serde_json::json;
 
 use super::info::topics_in_doubt;
@@ -40,7 +40,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let progress = Progress::new(found.len(), "bags");
     let (mut texts, mut values, mut errors, mut sound) = (vec![], vec![], vec![], true);
     for one in found {
-        match bag::survey(&one.path) {
+        match govtwin_bag::survey(&one.path) {
             Ok(survey) => {
                 let report = Report::of(&survey);
                 sound &= report.is_sound();

@@ -1,8 +1,8 @@
 //! `govtwin effects`: what the catalogue holds, and the documentation of one effect.
 
-use govtwin::effects::{CATALOGUE, EffectParameter, EffectSpec, Stage};
-use govtwin::params::{nearest, number_text, quantity_text};
-use govtwin::report::table;
+use govtwin_model::effects::{CATALOGUE, EffectParameter, EffectSpec, Stage};
+use govtwin_model::params::{nearest, number_text, quantity_text};
+use govtwin_pages::table;
 use serde_json::{Value, json};
 
 use crate::commands::output::{print, width};
@@ -43,7 +43,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         (None, false) => listing(),
         (None, true) => to_text(&json!({"schema": "govtwin-effects/1", "effects": entries(CATALOGUE)})),
         (Some(id), json) => {
-            let Some(spec) = govtwin::effects::find(id) else {
+            let Some(spec) = govtwin_model::effects::find(id) else {
                 let way_out = match nearest(id, CATALOGUE.iter().map(|spec| spec.id)) {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => "`govtwin effects` lists them".to_owned(),

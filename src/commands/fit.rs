@@ -7,23 +7,23 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::model::FittedModel;
-use govtwin::diagnosis::result::StageFigure;
-use govtwin::diagnosis::stage_only::stage_figures::stage_figures;
-use govtwin::identification::calibration::{Calibration, calibrate, parts};
-use govtwin::identification::free_parameter::FreeParameter;
-use govtwin::likelihood::noise;
-use govtwin::likelihood::prepared::PreparedRecording;
-use govtwin::likelihood::problem::Problem;
-use govtwin::likelihood::qualification::{QualifiedRecordings, qualify_all};
-use govtwin::parameters::{ENTRIES, Unit};
-use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
-use govtwin::provenance::Provenance;
-use govtwin::recording::Recording;
-use govtwin::stage_alone::plain::plain;
-use govtwin::stage_alone::run::Run;
-use govtwin::stage_alone::sheetless::sheetless;
-use govtwin::twin::Cut;
+use govtwin_diagnosis::identification::calibration::{Calibration, calibrate, parts};
+use govtwin_diagnosis::identification::free_parameter::FreeParameter;
+use govtwin_diagnosis::likelihood::noise;
+use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
+use govtwin_diagnosis::likelihood::problem::Problem;
+use govtwin_diagnosis::likelihood::qualification::{QualifiedRecordings, qualify_all};
+use govtwin_diagnosis::model::FittedModel;
+use govtwin_diagnosis::result::StageFigure;
+use govtwin_diagnosis::stage_alone::plain::plain;
+use govtwin_diagnosis::stage_alone::run::Run;
+use govtwin_diagnosis::stage_alone::sheetless::sheetless;
+use govtwin_diagnosis::stage_only::stage_figures::stage_figures;
+use govtwin_model::parameters::{ENTRIES, Unit};
+use govtwin_model::params::{self, Overlay, Sheet, nearest, number_text};
+use govtwin_model::provenance::Provenance;
+use govtwin_model::recording::Recording;
+use govtwin_model::twin::Cut;
 
 use super::bags::{self, MapArgs, Mapped, Recordings, TopicArgs};
 use super::generate::effect;
@@ -243,7 +243,7 @@ fn stage(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<StageFigur
 }
 
 /// Takes the effects that a file defines into a unit, with the values that the file gives them.
-fn adopt(from: &Unit, candidates: Vec<govtwin::parameters::OwnEffect>, unit: &mut Unit) -> anyhow::Result<()> {
+fn adopt(from: &Unit, candidates: Vec<govtwin_model::parameters::OwnEffect>, unit: &mut Unit) -> anyhow::Result<()> {
     for own in candidates {
         if unit.own_effects.iter().any(|known| known.id == own.id && *known != own) {
             bail!("`{}` is defined twice, and not alike; give one of the two another id", own.id);
@@ -302,7 +302,7 @@ fn free_parameters(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<FreeParam
 
 /// The fitted unit as a parameter file.
 fn overlay(problem: &Problem, sheet: &Sheet, fitted: &Calibration, made: &Provenance) -> Overlay {
-    let comment = |row: &govtwin::identification::calibration::CalibrationRow| {
+    let comment = |row: &govtwin_diagnosis::identification::calibration::CalibrationRow| {
         let [low, high] = row.ci90.map(number_text);
         let bound = if row.at_bound { ", at a bound" } else { "" };
         (row.key.clone(), format!("ci90 [{low}, {high}], sheet {}{bound}", number_text(row.sheet)))

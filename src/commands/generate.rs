@@ -7,16 +7,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use govtwin::bag::{self, Qos, Sealed, Topics, Writer, WriterOptions};
-use govtwin::files::Claim;
-use govtwin::frame::EsvState;
-use govtwin::generate::noise::{Purpose, RandomStreams};
-use govtwin::generate::streams::GeneratedStreams;
-use govtwin::generate::{self, Scenario};
-use govtwin::parameters::Unit;
-use govtwin::params::{self, Overlay};
-use govtwin::recording::Process;
-use govtwin::{msg, units};
+use govtwin_bag::msg;
+use govtwin_bag::{Qos, Sealed, Topics, Writer, WriterOptions};
+use govtwin_diagnosis::generate::noise::{Purpose, RandomStreams};
+use govtwin_diagnosis::generate::streams::GeneratedStreams;
+use govtwin_diagnosis::generate::{self, Scenario};
+use govtwin_files::Claim;
+use govtwin_model::frame::EsvState;
+use govtwin_model::parameters::Unit;
+use govtwin_model::params::{self, Overlay};
+use govtwin_model::recording::Process;
+use govtwin_model::units;
 use jiff::Timestamp;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
@@ -241,12 +242,12 @@ fn put(by: &str, process: Process, seed: u64, streams: &GeneratedStreams, dir: &
     let about = [
         ("synthetic", "true".to_owned()),
         ("generator", format!("govtwin {} {by}", env!("CARGO_PKG_VERSION"))),
-        (bag::SIMULATOR, if by == COMMAND { bag::TWIN } else { "independent of the twin" }.to_owned()),
+        (govtwin_bag::SIMULATOR, if by == COMMAND { govtwin_bag::TWIN } else { "independent of the twin" }.to_owned()),
         ("process", process.id().to_owned()),
         ("note", "simulated, not measured; for trying benches and diagnoses".to_owned()),
     ];
     bag.describe(
-        bag::GOVTWIN,
+        govtwin_bag::GOVTWIN,
         about.map(|(key, value)| (key.to_owned(), value)).into_iter().collect::<BTreeMap<_, _>>(),
     )?;
     for (log_time_ns, message) in messages(process, seed, streams) {

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::ValueHint;
-use govtwin::files::Claim;
-use govtwin::import::{ImportOutcome as Imported, Map};
-use govtwin::params::number_text;
-use govtwin::report::table::Table;
+use govtwin_bag::import::{ImportOutcome as Imported, Map};
+use govtwin_files::Claim;
+use govtwin_model::params::number_text;
+use govtwin_pages::table::Table;
 use serde_json::json;
 
 use super::output::{Progress, print, table_text, warn};
@@ -154,7 +154,7 @@ fn significant(value: f64) -> f64 {
 }
 
 fn figures(imported: &Imported, out: Option<&Path>) -> serde_json::Value {
-    let signal = |found: &govtwin::import::findings::SignalFindings| {
+    let signal = |found: &govtwin_bag::import::findings::SignalFindings| {
         json!({
             "signal": found.target.id(),
             "from": found.place,

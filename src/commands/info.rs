@@ -4,7 +4,7 @@ mod text;
 
 use std::path::{Path, PathBuf};
 
-use govtwin::bag::{self, BagError, Overview, ReadOptions, StreamHealth, Survey, Warning};
+use govtwin_bag::{BagError, Overview, ReadOptions, StreamHealth, Survey, Warning};
 use serde::Serialize;
 
 use super::bags::{self, TopicArgs};
@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 fn look(name: String, path: &Path, options: &ReadOptions) -> Result<BagEntry, BagError> {
-    let (mut survey, overview) = bag::look(path, options)?;
+    let (mut survey, overview) = govtwin_bag::look(path, options)?;
     // A bag of something else is not judged as a recording.
     let related = survey.topics.iter().any(|topic| topic.type_name.starts_with("governor_msgs/"));
     let mut recording = None;

@@ -8,25 +8,25 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::ValueEnum;
-use govtwin::bag::{self, ReadOptions, Stream, Topics};
-use govtwin::comparison::summary::Searched;
-use govtwin::parameters::Unit;
-use govtwin::params::{self, Sheet};
-use govtwin::recording::{Process, Recording};
-use govtwin::replay::between::simulate_between;
-use govtwin::replay::simulate;
-use govtwin::residual::booster::{Hyperparameters, Objective};
-use govtwin::residual::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
-use govtwin::residual::model::Learned;
-use govtwin::residual::prepare::{Cleaning, Prepared, prepare};
-use govtwin::residual::row::{Opening, RateOfInputs};
-use govtwin::residual::search::{Evaluation, Hyperparameter, bayesian, random, slices};
-use govtwin::residual::split::{RowSplit, folds};
-use govtwin::residual::table::{FeatureTable, TableLayout, slowest_period_ns, table};
-use govtwin::residual::{features, training};
-use govtwin::signal::Signal;
-use govtwin::twin::{Cut, Twin};
-use govtwin::units::{nanos_from_seconds, seconds_from_nanos};
+use govtwin_bag::{ReadOptions, Stream, Topics};
+use govtwin_correction::booster::{Hyperparameters, Objective};
+use govtwin_correction::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
+use govtwin_correction::model::Learned;
+use govtwin_correction::prepare::{Cleaning, Prepared, prepare};
+use govtwin_correction::row::{Opening, RateOfInputs};
+use govtwin_correction::search::{Evaluation, Hyperparameter, bayesian, random, slices};
+use govtwin_correction::split::{RowSplit, folds};
+use govtwin_correction::table::{FeatureTable, TableLayout, slowest_period_ns, table};
+use govtwin_correction::{features, training};
+use govtwin_lab::comparison::summary::Searched;
+use govtwin_model::parameters::Unit;
+use govtwin_model::params::{self, Sheet};
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::replay::between::simulate_between;
+use govtwin_model::replay::simulate;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::{Cut, Twin};
+use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::bags::{self, Bag, TopicArgs};
@@ -278,7 +278,7 @@ pub fn searched(space: &[Hyperparameter], job: SearchJob, trials: &[Evaluation])
 fn read(bags: &[Bag], topics: Topics) -> anyhow::Result<Vec<Recording>> {
     let options = ReadOptions { topics, required: vec![Stream::ServoState], ..ReadOptions::default() };
     let read = |bag: &Bag| -> anyhow::Result<Recording> {
-        let mut loaded = bag::read(&bag.path, &options)?;
+        let mut loaded = govtwin_bag::read(&bag.path, &options)?;
         loaded.recording.name.clone_from(&bag.name);
         for warning in &loaded.health.warnings {
             warn(&format!("{}: {warning}", bag.name));

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::Context;
-use govtwin::files::read_bytes;
-use govtwin::residual::model::Model;
+use govtwin_correction::model::Model;
+use govtwin_files::read_bytes;
 
 /// Larger files are no models: the largest search space makes some 10 MB.
 const LARGEST_BYTES: u64 = 200_000_000;

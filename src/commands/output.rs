@@ -7,9 +7,9 @@ use std::io::{self, IsTerminal as _, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::Sealed;
-use govtwin::files::{Claim, Place, Together, journalled, place_of, try_place};
-use govtwin::report::table::Table;
+use govtwin_bag::Sealed;
+use govtwin_files::{Claim, Place, Together, journalled, place_of, try_place};
+use govtwin_pages::table::Table;
 
 pub use progress::Progress;
 
@@ -92,7 +92,7 @@ fn plain(text: &str) -> Cow<'_, str> {
 
 /// Writes a file, whole or not at all, making missing folders on the way.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    govtwin::files::write_atomically(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    govtwin_files::write_atomically(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// Refuses a place for a file before the work that it comes from: where nothing can be made, or others' file stands.

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::bail;
-use govtwin::node::arguments::Arguments;
-use govtwin::node::bus::Bus;
-use govtwin::node::player::tape::Tape;
-use govtwin::node::player::{PlayOptions, Played, Player};
+use govtwin_node::arguments::Arguments;
+use govtwin_node::bus::Bus;
+use govtwin_node::player::tape::Tape;
+use govtwin_node::player::{PlayOptions, Played, Player};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 

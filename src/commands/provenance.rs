@@ -5,11 +5,11 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{self, Health};
-use govtwin::digest::Digest;
-use govtwin::files::{check_regular, look_at};
-use govtwin::params::{self, Sheet};
-use govtwin::provenance::{FileUsed, Provenance, RecordingGiven, SheetUsed};
+use govtwin_bag::Health;
+use govtwin_files::digest::Digest;
+use govtwin_files::{check_regular, look_at};
+use govtwin_model::params::{self, Sheet};
+use govtwin_model::provenance::{FileUsed, Provenance, RecordingGiven, SheetUsed};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use super::bags::{self, GivenBag, MapArgs, Mapped, TopicArgs};
@@ -133,11 +133,11 @@ pub fn marked(health: Option<&Health>, given: &Path) -> anyhow::Result<Recording
 
 /// The same of a bag that says under each key what `about` gives.
 pub fn marked_by<'a>(about: impl Fn(&str) -> Option<&'a str>, given: &Path) -> anyhow::Result<RecordingGiven> {
-    let origin = match about(bag::ORIGIN) {
+    let origin = match about(govtwin_bag::ORIGIN) {
         Some(stated) => Some(stated.to_owned()),
         None => origin::read(given)?,
     };
-    let synthetic = origin.as_deref().is_some_and(says_synthetic) || about(bag::SYNTHETIC) == Some("true");
+    let synthetic = origin.as_deref().is_some_and(says_synthetic) || about(govtwin_bag::SYNTHETIC) == Some("true");
     Ok(RecordingGiven { synthetic, origin, ..RecordingGiven::default() })
 }
 
@@ -198,7 +198,7 @@ mod tests {
         }
         let of = |name: &str| files_of_bags(&[bag(name)])[0].sha256.clone();
         assert_eq!(of("a.mcap"), of("folder"));
-        assert_eq!(of("a.mcap"), govtwin::digest::sha256("abc"));
+        assert_eq!(of("a.mcap"), govtwin_files::digest::sha256("abc"));
         assert!(files_of_bags(&[bag("none.mcap")]).is_empty());
         assert!(file(&dir.path().join("none.mcap")).unwrap_err().to_string().contains("none.mcap"));
         assert!(format!("{:#}", file(dir.path()).unwrap_err()).contains("expected a regular file"));

@@ -1,7 +1,7 @@
 //! The option `--rate-of-inputs`, the same wherever it stands.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use govtwin::residual::row::RateOfInputs;
+use govtwin_correction::row::RateOfInputs;
 
 /// Reads the option's value.
 pub fn parser() -> impl TypedValueParser<Value = RateOfInputs> {

@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{Writer, broken_off};
-use govtwin::import::{Import, MappedField, topics_of};
-use govtwin::node::arguments::Arguments;
-use govtwin::node::bus::Bus;
-use govtwin::node::recorder::{DEFAULT_TOPICS, OPTIONS, Selection, record};
+use govtwin_bag::import::{Import, MappedField, topics_of};
+use govtwin_bag::{Writer, broken_off};
+use govtwin_node::arguments::Arguments;
+use govtwin_node::bus::Bus;
+use govtwin_node::recorder::{DEFAULT_TOPICS, OPTIONS, Selection, record};
 
 use serde_json::json;
 

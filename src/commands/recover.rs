@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use govtwin::bag::{self, BagError, Recovered, Warning};
-use govtwin::files::Claim;
+use govtwin_bag::{BagError, Recovered, Warning};
+use govtwin_files::Claim;
 use serde_json::json;
 
 use super::output::{print, warn};
@@ -41,13 +41,13 @@ Exit codes: 0 all messages were saved, 1 not readable as a bag or not writable, 
 
 /// Saves what can be saved.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let source = bag::broken_off(&args.bag).unwrap_or_else(|| args.bag.clone());
+    let source = govtwin_bag::broken_off(&args.bag).unwrap_or_else(|| args.bag.clone());
     let out = args.out.clone().unwrap_or_else(|| place(&source));
     if out == args.bag && args.bag.exists() {
         return Err(usage("--out names the damaged bag itself; name another folder"));
     }
     let _claim = Claim::name(&out).context("--out")?;
-    let recovered = bag::recover(&source, &out).map_err(|error| match error {
+    let recovered = govtwin_bag::recover(&source, &out).map_err(|error| match error {
         BagError::InTheWay { path } => {
             anyhow::anyhow!("{}: is there already; name another folder with --out", path.display())
         }
@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 /// Where the new bag goes by default.
 fn place(source: &Path) -> PathBuf {
-    if let Some(place) = bag::intended_place(source).filter(|place| !place.exists()) {
+    if let Some(place) = govtwin_bag::intended_place(source).filter(|place| !place.exists()) {
         return place;
     }
     let name = source.file_stem().unwrap_or(source.as_os_str()).to_string_lossy();

@@ -11,23 +11,23 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use govtwin::bag::{self, Interpolation, Loaded, Positions, ReadOptions, Stream};
-use govtwin::parameters::Unit;
-use govtwin::params::{self, Sheet};
-use govtwin::provenance::Provenance;
-use govtwin::recording::Recording;
-use govtwin::replay::Replayed;
-use govtwin::replay::between::trips_amid;
-use govtwin::replay::ladder::Ladder;
-use govtwin::replay::summary::{ParameterDifferences, RecordingSource, Residual, summarise};
-use govtwin::report::replay::{ladder_table, process_table, reason_for_dashes, reason_for_stars};
-use govtwin::residual::corrector::Corrector;
-use govtwin::residual::guard::GuardCounts;
-use govtwin::residual::model::Model;
-use govtwin::residual::rate;
-use govtwin::residual::row::RateOfInputs;
-use govtwin::twin::{Cut, Twin};
-use govtwin::units::nanos_from_seconds;
+use govtwin_bag::{Interpolation, Loaded, Positions, ReadOptions, Stream};
+use govtwin_correction::corrector::Corrector;
+use govtwin_correction::guard::GuardCounts;
+use govtwin_correction::model::Model;
+use govtwin_correction::rate;
+use govtwin_correction::row::RateOfInputs;
+use govtwin_diagnosis::replay_summary::{ParameterDifferences, RecordingSource, Residual, summarise};
+use govtwin_model::parameters::Unit;
+use govtwin_model::params::{self, Sheet};
+use govtwin_model::provenance::Provenance;
+use govtwin_model::recording::Recording;
+use govtwin_model::replay::Replayed;
+use govtwin_model::replay::between::trips_amid;
+use govtwin_model::replay::ladder::Ladder;
+use govtwin_model::twin::{Cut, Twin};
+use govtwin_model::units::nanos_from_seconds;
+use govtwin_pages::replay::{ladder_table, process_table, reason_for_dashes, reason_for_stars};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
@@ -245,7 +245,7 @@ fn describe(
         one.source.warnings.iter().map(move |warning| format!("{name}: {warning}"))
     });
     made.warnings = mapped.warnings.iter().cloned().chain(said).collect();
-    let cut = govtwin::replay::summary::cut_id(args.cut.cut());
+    let cut = govtwin_diagnosis::replay_summary::cut_id(args.cut.cut());
     made.options.extend([("cut".to_owned(), cut.to_owned()), ("rate-of-inputs".to_owned(), between.to_owned())]);
     for (name, paths) in [("then", &args.then), ("residual", &args.residual)] {
         let files: Vec<String> =
@@ -328,7 +328,7 @@ fn replay(
     whole: bool,
 ) -> anyhow::Result<Result> {
     let (replayed, health) = if whole {
-        let Loaded { mut recording, health } = bag::read(&bag.path, options)?;
+        let Loaded { mut recording, health } = govtwin_bag::read(&bag.path, options)?;
         if options.interpolation != Interpolation::Hold {
             trips_amid(&mut recording);
         }

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::result::schema::{DiagnosisReport, SCHEMA};
-use govtwin::files::{Claim, check_regular, is_same};
-use govtwin::provenance::Provenance;
-use govtwin::report::diagnosis as page;
+use govtwin_diagnosis::result::schema::{DiagnosisReport, SCHEMA};
+use govtwin_files::{Claim, check_regular, is_same};
+use govtwin_model::provenance::Provenance;
+use govtwin_pages::diagnosis as page;
 
 use super::output::{check_place, claim_place, print, width, write_atomically};
 use super::report_file;
@@ -53,7 +53,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if schema.is_empty() {
         bail!("{shown}: expected a report of the schema {SCHEMA}, found JSON that states none");
     }
-    if schema == govtwin::replay::summary::SCHEMA {
+    if schema == govtwin_diagnosis::replay_summary::SCHEMA {
         bail!(
             "{shown} holds the figures of a replay; its pictures come from the bags: `govtwin replay --out DIR BAG` makes them again"
         );

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::result::schema::DiagnosisReport;
-use govtwin::files::{look_at, read_text};
-use govtwin::provenance::Provenance;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_files::{look_at, read_text};
+use govtwin_model::provenance::Provenance;
 use serde::Deserialize;
 use serde_json::Value;
 

@@ -6,16 +6,16 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use anyhow::Context;
-use govtwin::node::arguments::Arguments;
-use govtwin::node::bus_map::InputNames;
-use govtwin::node::core::{NodeInput, OnStale};
-use govtwin::node::environment::Environment;
-use govtwin::node::live::{self, RunEnd, RunOptions};
-use govtwin::node::realtime::Wishes;
-use govtwin::node::settings::{InputSettings, NodeSettings};
-use govtwin::parameters::Unit;
-use govtwin::params;
-use govtwin::twin::Twin;
+use govtwin_model::parameters::Unit;
+use govtwin_model::params;
+use govtwin_model::twin::Twin;
+use govtwin_node::arguments::Arguments;
+use govtwin_node::bus_map::InputNames;
+use govtwin_node::core::{NodeInput, OnStale};
+use govtwin_node::environment::Environment;
+use govtwin_node::live::{self, RunEnd, RunOptions};
+use govtwin_node::realtime::Wishes;
+use govtwin_node::settings::{InputSettings, NodeSettings};
 use serde_json::json;
 
 use super::{bus_map, model, output};

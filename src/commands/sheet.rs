@@ -1,16 +1,17 @@
 //! `govtwin sheet`: a parameter file from what stands on a name plate and in a manual.
 
+use govtwin_diagnosis::sheet::plate_file;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Subcommand;
-use govtwin::files::{Place, place_of};
-use govtwin::parameters::{ENTRIES, Tolerance, Unit};
-use govtwin::params::{self, WholeSheet, number_text, tolerance_text};
-use govtwin::report::table::Table;
-use govtwin::sheet::matter::{Matter, PARTS, matter};
-use govtwin::sheet::recorded::{Filled, fill};
-use govtwin::sheet::{Derived, GivenValue, Plate, derive};
+use govtwin_diagnosis::sheet::matter::{Matter, PARTS, matter};
+use govtwin_diagnosis::sheet::recorded::{Filled, fill};
+use govtwin_diagnosis::sheet::{Derived, GivenValue, Plate, derive};
+use govtwin_files::{Place, place_of};
+use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
+use govtwin_model::params::{self, WholeSheet, number_text, tolerance_text};
+use govtwin_pages::table::Table;
 use serde_json::json;
 
 use super::bags::{self, MapArgs, TopicArgs};
@@ -45,7 +46,7 @@ struct New {
     #[arg(value_name = "PLATE", required_unless_present_any = ["template", "set", "from"])]
     plate: Option<PathBuf>,
     /// Value of the plate, such as `--set "tank_pressure=63 bar"`; replaces that of the file; may be repeated.
-    #[arg(long, value_name = "KEY=VALUE", value_parser = params::plate_value)]
+    #[arg(long, value_name = "KEY=VALUE", value_parser = plate_file::plate_value)]
     set: Vec<(&'static str, GivenValue)>,
     /// Print a plate file to fill in: every item with its meaning, where to find it, and an example.
     #[arg(long, conflicts_with_all = ["plate", "set", "from", "out"])]
@@ -94,7 +95,7 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished, with assumptions to
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let Command::New(args) = &args.command;
     if args.template {
-        print(&params::plate_template())?;
+        print(&plate_file::plate_template())?;
         return Ok(Outcome::Ok);
     }
     let _claim = args.out.as_deref().map(|out| claim_place("--out", out)).transpose()?;
@@ -107,7 +108,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         );
     }
     let mut plate = match &args.plate {
-        Some(path) => params::load_plate(path)?,
+        Some(path) => plate_file::load_plate(path)?,
         None => Plate::default(),
     };
     plate.values.extend(args.set.iter().cloned());
@@ -250,14 +251,14 @@ fn figures(plate: &Plate, derived: &Derived, matter: Option<&Matter>) -> serde_j
         })
     });
     let missing = |matter: &Matter| {
-        let help = |help: &govtwin::sheet::matter::Help| {
+        let help = |help: &govtwin_diagnosis::sheet::matter::Help| {
             let effects = help.effects.iter().map(|(id, ratio)| json!({"effect": id, "sharper": ratio}));
             json!({"item": help.item.key, "gain": help.gain, "effects": effects.collect::<Vec<_>>()})
         };
         matter.missing.iter().map(help).collect::<Vec<_>>()
     };
     let faults = |matter: &Matter| {
-        let fault = |fault: &govtwin::sheet::matter::Shows| json!({"effect": fault.effect, "deviations": fault.with_sheet_ratio, "deviations_at_best": fault.at_best_ratio});
+        let fault = |fault: &govtwin_diagnosis::sheet::matter::Shows| json!({"effect": fault.effect, "deviations": fault.with_sheet_ratio, "deviations_at_best": fault.at_best_ratio});
         matter.faults.iter().map(fault).collect::<Vec<_>>()
     };
     json!({

@@ -1,18 +1,18 @@
 //! `govtwin train`: a model of the twin's residual, found by Bayesian optimisation, judged on rows that it never saw.
 
 use anyhow::{Context, bail};
-use govtwin::comparison::contenders::{self, mechanism, trained};
-use govtwin::comparison::coverage::{CoveredAt, covered_by_distance};
-use govtwin::comparison::summary::{Covered, ModelFigures, Searched, covered};
-use govtwin::comparison::{Contender, ModelStanding};
-use govtwin::recording::Process;
-use govtwin::report::comparison::{Training, models_table, training_page};
-use govtwin::residual::booster::{Hyperparameters, Objective};
-use govtwin::residual::model::{LEFT_OUT, Learned};
-use govtwin::residual::prepare::Cleaning;
-use govtwin::residual::row::RateOfInputs;
-use govtwin::residual::split::seven_to_three;
-use govtwin::residual::training::{self, GuardKind};
+use govtwin_correction::booster::{Hyperparameters, Objective};
+use govtwin_correction::model::{LEFT_OUT, Learned};
+use govtwin_correction::prepare::Cleaning;
+use govtwin_correction::row::RateOfInputs;
+use govtwin_correction::split::seven_to_three;
+use govtwin_correction::training::{self, GuardKind};
+use govtwin_lab::comparison::contenders::{self, mechanism, trained};
+use govtwin_lab::comparison::coverage::{CoveredAt, covered_by_distance};
+use govtwin_lab::comparison::page::{Training, models_table, training_page};
+use govtwin_lab::comparison::summary::{Covered, ModelFigures, Searched, covered};
+use govtwin_lab::comparison::{Contender, ModelStanding};
+use govtwin_model::recording::Process;
 use serde::Serialize;
 
 use super::learn::{self, OpeningFrom, SearchJob};

@@ -10,9 +10,9 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
-use govtwin::diagnosis::DiagnosisSettings;
-use govtwin::params;
-use govtwin::watch::history;
+use govtwin_diagnosis::DiagnosisSettings;
+use govtwin_diagnosis::watch::history;
+use govtwin_model::params;
 
 use super::bags::TopicArgs;
 use super::output::{Output, print, warn};

@@ -4,15 +4,15 @@
 //! that holds nine tenths of its probability: effects that all of them share are named, with every other that is likelier there than not; where they
 //! share none, the verdict is the class of them.
 
-pub(crate) mod features;
+pub mod features;
 pub mod posterior;
 mod stage_alone;
 pub mod weights;
 
-use crate::diagnosis::decision::posterior::Posterior;
-use crate::diagnosis::hypotheses::table::EvidenceTable;
-use crate::diagnosis::result::Verdict;
-use crate::effects::{EffectSpec, Stage};
+use crate::decision::posterior::Posterior;
+use crate::hypotheses::table::EvidenceTable;
+use crate::result::Verdict;
+use govtwin_model::effects::{EffectSpec, Stage};
 
 /// Probability that a credible set holds.
 const CREDIBLE: f64 = 0.9;
@@ -145,8 +145,8 @@ fn verdict_on(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::hypotheses::table::EvidenceRow;
-    use crate::effects::find;
+    use crate::hypotheses::table::EvidenceRow;
+    use govtwin_model::effects::find;
 
     /// The decision on fault sets with these probabilities, the rest unknown at the spool.
     fn decided(sets: &[(&[&str], f64)]) -> Decision {

@@ -1,8 +1,8 @@
 //! What the recordings could show: the smallest size of each effect that would stand out, and effects that leave the same mark.
 
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::result::DetectableSize;
-use crate::effects::EffectSpec;
+use crate::hypotheses::Explored;
+use crate::result::DetectableSize;
+use govtwin_model::effects::EffectSpec;
 
 /// Gain in cost from which an effect stands out: a log Bayes factor of 10, of which the odds against any effect take half.
 pub(crate) const STANDS_OUT: f64 = 20.0;

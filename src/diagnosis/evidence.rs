@@ -5,23 +5,23 @@
 //! terms gain is counted with the free parameters following; what these could gain alone is not, since a fit went where it could. A discrepancy term of which every point of the chain has a
 //! little is the error of equations; much of it at one point is something unknown there.
 
-pub(crate) mod law_error;
-pub(crate) mod parts;
+pub mod law_error;
+pub mod parts;
 
 use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::diagnosis::evidence::law_error::{LAW_ERRORS, Modulations, limits};
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::model::discrepancy::{self, Columns};
-use crate::diagnosis::model::support::SIZE_PRIOR;
-use crate::effects::Stage;
 use crate::estimation::coordinate::Coordinate;
 use crate::estimation::linear::crossed;
+use crate::evidence::law_error::{LAW_ERRORS, Modulations, limits};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::Problem;
+use crate::model::FittedModel;
+use crate::model::discrepancy::{self, Columns};
+use crate::model::support::SIZE_PRIOR;
+use govtwin_model::effects::Stage;
 
 /// Sizes of the error of equations at which evidence is tabulated, in moderate discrepancy terms.
 pub const KAPPAS: [f64; 4] = [1e-3, 0.03, 0.1, 0.3];

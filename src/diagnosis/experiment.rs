@@ -12,27 +12,27 @@ pub mod survivors;
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::diagnosis::decision::Decision;
-use crate::diagnosis::decision::posterior::{CountedNats, Posterior};
-use crate::diagnosis::decision::weights::Weights;
-use crate::diagnosis::experiment::candidate_test::{Candidate, candidates};
-use crate::diagnosis::experiment::information::{Drop, Predicted, entropy_bits, expected_drop};
-use crate::diagnosis::experiment::survivors::{Survivor, deviations, survivors};
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::hypotheses::table::EvidenceTable;
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::result::test_script::CANDIDATES;
-use crate::diagnosis::result::{Experiment, NEXT_TEST};
+use crate::decision::Decision;
+use crate::decision::posterior::{CountedNats, Posterior};
+use crate::decision::weights::Weights;
 use crate::estimation::coordinate::Residuals;
 use crate::estimation::fit::slopes;
+use crate::experiment::candidate_test::{Candidate, candidates};
+use crate::experiment::information::{Drop, Predicted, entropy_bits, expected_drop};
+use crate::experiment::survivors::{Survivor, deviations, survivors};
+use crate::hypotheses::Explored;
+use crate::hypotheses::table::EvidenceTable;
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, twin_of};
-use crate::parameters::Unit;
-use crate::signal::Signal;
-use crate::twin::{Cut, Twin};
+use crate::model::FittedModel;
+use crate::result::test_script::CANDIDATES;
+use crate::result::{Experiment, NEXT_TEST};
+use govtwin_model::parameters::Unit;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::{Cut, Twin};
 
 /// A test that is expected to tell less settles nothing, bits.
-pub(crate) const LEAST_BITS: f64 = 0.01;
+pub const LEAST_BITS: f64 = 0.01;
 
 /// Simulated time that all candidates together may take, s: three hundred recordings of 40 s, a twentieth of a diagnosis.
 const SIMULATED_S: f64 = 12_000.0;

@@ -1,11 +1,11 @@
 //! Whether the recordings agree: the same parameters must fit each of them, or they are not of one unit.
 
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::model::{FittedModel, covariance};
 use crate::estimation::fit::{Effort, Fit, fit};
+use crate::hypotheses::Explored;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
-use crate::parameters::Unit;
+use crate::model::{FittedModel, covariance};
+use govtwin_model::parameters::Unit;
 
 /// Work of the fit to one recording alone.
 const ALONE: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };

@@ -8,20 +8,18 @@ pub mod table;
 
 use std::sync::Arc;
 
-use crate::diagnosis::evidence::Shared;
-use crate::diagnosis::hypotheses::explorer::{
-    Explorer, Hypothesis, LEAST_GAIN, RARITY, is_stage_alone, kappa, worthwhile,
-};
-use crate::diagnosis::hypotheses::fitted_sets::KnownSets;
-use crate::diagnosis::hypotheses::linearisation::{Linearisation, Proposal};
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::model::discrepancy::{Columns, columns};
-use crate::diagnosis::model::support::Placed;
-use crate::effects::EffectSpec;
 use crate::estimation::fit::{Effort, Start, fit_all};
+use crate::evidence::Shared;
+use crate::hypotheses::explorer::{Explorer, Hypothesis, LEAST_GAIN, RARITY, is_stage_alone, kappa, worthwhile};
+use crate::hypotheses::fitted_sets::KnownSets;
+use crate::hypotheses::linearisation::{Linearisation, Proposal};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
-use crate::parameters::Unit;
+use crate::model::FittedModel;
+use crate::model::discrepancy::{Columns, columns};
+use crate::model::support::Placed;
+use govtwin_model::effects::EffectSpec;
+use govtwin_model::parameters::Unit;
 
 /// Most effects at once.
 pub(crate) const MOST: usize = 3;

@@ -1,20 +1,20 @@
 //! A model: a unit with effects, its parameters fitted, and what the fit says of them.
 
-pub(crate) mod consistency;
-pub(crate) mod discrepancy;
-pub(crate) mod search;
+pub mod consistency;
+pub mod discrepancy;
+pub mod search;
 pub(crate) mod support;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnosis::model::support::{Placed, Variant, add};
-use crate::effects::EffectSpec;
 use crate::estimation::coordinate::{prior_square, square, subject_at};
 use crate::estimation::fit::{Effort, Fit, Start, pictured};
 use crate::estimation::linear::normal;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
-use crate::parameters::Unit;
+use crate::model::support::{Placed, Variant, add};
+use govtwin_model::effects::EffectSpec;
+use govtwin_model::parameters::Unit;
 
 /// A model with all its free parameters fitted: the sheet's tolerances, then the parameters of its effects.
 #[derive(Clone, Debug)]

@@ -2,11 +2,6 @@
 
 pub(crate) mod channels;
 
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::model::search::Turned;
-use crate::diagnosis::model::support::Variant;
-use crate::diagnosis::{DiagnosisError, DiagnosisSettings};
-use crate::effects::{EffectSpec, STAGE_ALONE};
 use crate::estimation::coordinate::{square, subject_at};
 use crate::estimation::fit::Fit;
 use crate::identification::free_parameter::FreeParameter;
@@ -14,9 +9,9 @@ use crate::likelihood::noise::{Noise, expected};
 use crate::likelihood::prepared::{PreparedRecording, join_spool};
 use crate::likelihood::problem::Problem;
 use crate::likelihood::qualification::{QualifiedRecordings, qualify_all};
-use crate::parameters::Unit;
-use crate::recording::Recording;
-use crate::signal::Signal;
+use crate::model::FittedModel;
+use crate::model::search::Turned;
+use crate::model::support::Variant;
 use crate::stage_alone::command::command_for_spool;
 use crate::stage_alone::competing_laws::{Follows, follows};
 use crate::stage_alone::flexible::{Flexible, flexible};
@@ -24,7 +19,12 @@ use crate::stage_alone::pieces::pieces;
 use crate::stage_alone::plain::{Plain, plain};
 use crate::stage_alone::run::Run;
 use crate::stage_alone::sheetless::{self, sheetless};
-use crate::twin::Cut;
+use crate::{DiagnosisError, DiagnosisSettings};
+use govtwin_model::effects::{EffectSpec, STAGE_ALONE};
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Cut;
 
 /// Pieces that recordings are cut into where there is a sheet, at most: few, as play and pressures at the start of each are not measured.
 const PIECES: usize = 2;

@@ -10,21 +10,21 @@ mod stage_figures;
 pub mod test_script;
 mod traces;
 
-use crate::diagnosis::hypotheses::table::EvidenceTable;
-use crate::diagnosis::model::consistency::Consistency;
-use crate::effects::Stage;
-use crate::parameters::Unit;
-use crate::stored::held_by_id;
+use crate::hypotheses::table::EvidenceTable;
+use crate::model::consistency::Consistency;
+use govtwin_model::effects::Stage;
+use govtwin_model::parameters::Unit;
+use govtwin_model::stored::held_by_id;
 
-pub use crate::diagnosis::result::claims::{Blame, Experiment, Fitted, NEXT_TEST, Ranked, SignalGap};
-pub use crate::diagnosis::result::findings::{
+pub use crate::result::claims::{Blame, Experiment, Fitted, NEXT_TEST, Ranked, SignalGap};
+pub use crate::result::findings::{
     Breakdown, BreakdownPart, ChannelReport, DetectableSize, DiscrepancyTerm, StageTest, Transfer, Tried,
 };
-pub use crate::diagnosis::result::interval::Interval;
-pub use crate::diagnosis::result::judged_by::JudgedBy;
-pub use crate::diagnosis::result::sheet_limits::{HiddenEffect, SheetLimits, SheetValue};
-pub use crate::diagnosis::result::stage_figures::{FreeRun, StageFigure, StageOnly};
-pub use crate::diagnosis::result::traces::Trace;
+pub use crate::result::interval::Interval;
+pub use crate::result::judged_by::JudgedBy;
+pub use crate::result::sheet_limits::{HiddenEffect, SheetLimits, SheetValue};
+pub use crate::result::stage_figures::{FreeRun, StageFigure, StageOnly};
+pub use crate::result::traces::Trace;
 
 /// The six things that a diagnosis may say.
 ///
@@ -34,7 +34,6 @@ pub use crate::diagnosis::result::traces::Trace;
 /// assert_eq!(Verdict::ALL.map(Verdict::id)[..3], ["named", "class", "unknown"]);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum Verdict {
     /// The effects are named, all present at once.
     Named,
@@ -73,7 +72,6 @@ held_by_id!(Verdict, "a verdict");
 
 /// All that a diagnosis says.
 #[derive(Clone, Debug)]
-#[non_exhaustive]
 pub struct Diagnosis {
     /// Verdict.
     pub verdict: Verdict,

@@ -3,27 +3,27 @@
 pub(crate) mod left_out;
 pub mod stage_figures;
 
-use crate::diagnosis::decision::Decision;
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::preparation::{Alone, Preparation};
-use crate::diagnosis::result::{FreeRun, StageOnly, Verdict};
-use crate::diagnosis::stage_only::stage_figures::stage_figures;
-use crate::diagnosis::summary::explained_fraction::without_recordings;
+use crate::decision::Decision;
 use crate::estimation::coordinate::subject_at;
 use crate::estimation::fit::{Effort, fit};
-use crate::frame::Estimate;
+use crate::hypotheses::Explored;
 use crate::likelihood::noise::Noise;
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::parameters::Unit;
-use crate::recording::Recording;
-use crate::signal::Signal;
+use crate::model::FittedModel;
+use crate::preparation::{Alone, Preparation};
+use crate::result::{FreeRun, StageOnly, Verdict};
 use crate::stage_alone::competing_laws::Follows;
 use crate::stage_alone::pieces::{length_s_of, pieces, windows};
 use crate::stage_alone::plain::plain;
 use crate::stage_alone::run::Run;
-use crate::units::seconds_from_nanos;
+use crate::stage_only::stage_figures::stage_figures;
+use crate::summary::explained_fraction::without_recordings;
+use govtwin_model::frame::Estimate;
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::signal::Signal;
+use govtwin_model::units::seconds_from_nanos;
 
 /// Length of a free run, s; of short recordings a quarter of them all, so that each half has two.
 const FREE_RUN_S: f64 = 10.0;

@@ -7,31 +7,31 @@ pub(crate) mod sheet_limits;
 pub(crate) mod stages;
 pub(crate) mod traces;
 
-use crate::diagnosis::DiagnosisSettings;
-use crate::diagnosis::decision::Decision;
-use crate::diagnosis::decision::posterior::{CountedNats, Posterior};
-use crate::diagnosis::decision::weights::Weights;
-use crate::diagnosis::detectability::{ambiguous_pairs, detectable_sizes};
-use crate::diagnosis::experiment::design;
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::hypotheses::explorer::Hypothesis;
-use crate::diagnosis::hypotheses::table::EvidenceTable;
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::model::consistency::consistency;
-use crate::diagnosis::result::{Blame, ChannelReport, Diagnosis, Fitted, Interval, Ranked, Transfer, Tried, Verdict};
-use crate::diagnosis::summary::breakdown::{breakdowns, gaps};
-use crate::diagnosis::summary::discrepancy_terms::discrepancy_terms;
-use crate::diagnosis::summary::explained_fraction::{
-    HeldOutEstimates, Refitted, explained_fraction, explained_fraction_of, without_parts, without_recordings,
-};
-use crate::diagnosis::summary::sheet_limits::sheet_limits;
-use crate::diagnosis::summary::traces::traces;
-use crate::effects::EffectSpec;
+use crate::DiagnosisSettings;
+use crate::decision::Decision;
+use crate::decision::posterior::{CountedNats, Posterior};
+use crate::decision::weights::Weights;
+use crate::detectability::{ambiguous_pairs, detectable_sizes};
 use crate::estimation::coordinate::Coordinate;
+use crate::experiment::design;
+use crate::hypotheses::Explored;
+use crate::hypotheses::explorer::Hypothesis;
+use crate::hypotheses::table::EvidenceTable;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
-use crate::parameters::Unit;
-use crate::units::NORMAL_90;
+use crate::model::FittedModel;
+use crate::model::consistency::consistency;
+use crate::result::{Blame, ChannelReport, Diagnosis, Fitted, Interval, Ranked, Transfer, Tried, Verdict};
+use crate::summary::breakdown::{breakdowns, gaps};
+use crate::summary::discrepancy_terms::discrepancy_terms;
+use crate::summary::explained_fraction::{
+    HeldOutEstimates, Refitted, explained_fraction, explained_fraction_of, without_parts, without_recordings,
+};
+use crate::summary::sheet_limits::sheet_limits;
+use crate::summary::traces::traces;
+use govtwin_model::effects::EffectSpec;
+use govtwin_model::parameters::Unit;
+use govtwin_model::units::NORMAL_90;
 
 /// Nearer to an end of its range than this share of it, a parameter stands there.
 const AT_BOUND_SHARE: f64 = 1e-3;

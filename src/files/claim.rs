@@ -216,7 +216,7 @@ mod tests {
     #[test]
     fn whatever_step_is_refused_nothing_stays() {
         let dir = tempfile::tempdir().unwrap();
-        let refused = crate::files::fault::refuse_each(
+        let refused = crate::fault::refuse_each(
             || Claim::folder(&dir.path().join("deep/out")).is_ok(),
             |_| assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0),
         );

@@ -49,7 +49,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::fault::refuse_each;
+    use crate::fault::refuse_each;
 
     #[test]
     fn of_many_who_write_at_once_one_does() {

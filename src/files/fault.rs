@@ -3,15 +3,15 @@
 use std::io;
 
 /// Lets a step through.
-#[cfg(not(test))]
+#[cfg(not(any(test, feature = "faults")))]
 #[expect(clippy::unnecessary_wraps, reason = "under test it fails")]
 #[expect(clippy::inline_always, reason = "it is nothing")]
 #[inline(always)]
-pub(crate) fn step() -> io::Result<()> {
+pub fn step() -> io::Result<()> {
     Ok(())
 }
 
-#[cfg(test)]
+#[cfg(any(test, feature = "faults"))]
 thread_local! {
     /// Steps that this thread may still take before one is refused; none where all may be taken.
     static LEFT: std::cell::Cell<Option<usize>> = const { std::cell::Cell::new(None) };
@@ -27,8 +27,8 @@ pub(crate) fn die_at(steps: usize) {
 }
 
 /// Lets a step through, unless it is the one to be refused.
-#[cfg(test)]
-pub(crate) fn step() -> io::Result<()> {
+#[cfg(any(test, feature = "faults"))]
+pub fn step() -> io::Result<()> {
     let left = LEFT.get();
     LEFT.set(left.and_then(|left| left.checked_sub(1)));
     if left == Some(0) && DIES.get() {
@@ -39,8 +39,8 @@ pub(crate) fn step() -> io::Result<()> {
 
 /// Runs `attempt` again and again, its first step refused, then its second and so on, each time followed by `check` on whether it
 /// went well, until none is left to be refused; gives how many were.
-#[cfg(test)]
-pub(crate) fn refuse_each(mut attempt: impl FnMut() -> bool, mut check: impl FnMut(bool)) -> usize {
+#[cfg(any(test, feature = "faults"))]
+pub fn refuse_each(mut attempt: impl FnMut() -> bool, mut check: impl FnMut(bool)) -> usize {
     for refused in 0.. {
         LEFT.set(Some(refused));
         let went_well = attempt();

@@ -184,8 +184,8 @@ fn sync(folder: &Path) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::fault::die_at;
-    use crate::files::{read_text, remove_stale, temporary_folder};
+    use crate::fault::die_at;
+    use crate::{read_text, remove_stale, temporary_folder};
 
     const NAMES: [&str; 3] = ["report.html", "report.json", "deep/note"];
 

@@ -81,7 +81,7 @@ impl Together {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::fault::refuse_each;
+    use crate::fault::refuse_each;
 
     #[test]
     fn whatever_step_is_refused_all_are_new_or_all_are_old() {

@@ -20,9 +20,9 @@ use super::qos::{self, best_effort, kept, reliable};
 use super::services::call::Calls;
 use super::tap::Tap;
 use super::transport;
-use crate::msg::Interface;
-use crate::msg::service::Service;
-use crate::msg::type_hash::type_hash;
+use govtwin_bag::msg::Interface;
+use govtwin_bag::msg::service::Service;
+use govtwin_bag::msg::type_hash::type_hash;
 
 /// The node cannot come on the bus.
 #[derive(Debug, thiserror::Error)]

@@ -1,6 +1,6 @@
 //! A map on the bus: which inputs come from fields of other topics, and what stands in for those that it does not name.
 //!
-//! The map, its field paths and its conversions are those of [`crate::import`], by which bags are read: the same code gives the same values.
+//! The map, its field paths and its conversions are those of [`govtwin_bag::import`], by which bags are read: the same code gives the same values.
 
 pub(super) mod subscriber;
 
@@ -10,8 +10,8 @@ use super::intake::TopicGate;
 use super::intake::mapped::{checked, input_of};
 use super::policy::NodeInput;
 use super::settings::NodeSettings;
-use crate::frame::EsvState;
-use crate::import::{ImportError, Map, MappedField, Target};
+use govtwin_bag::import::{ImportError, Map, MappedField, Target};
+use govtwin_model::frame::EsvState;
 
 /// Inputs that a map can hold, each with its signal.
 const MAPPED: [(NodeInput, Target); 3] = [

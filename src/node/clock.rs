@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 
 use ros2_client::log::LogLevel;
 
-use crate::units::{NANOS_PER_SECOND, seconds_from_nanos};
+use govtwin_model::units::{NANOS_PER_SECOND, seconds_from_nanos};
 
 /// A clock that says nothing new for so long has stopped, or was never there, ns.
 const PATIENCE_NS: i64 = 3 * NANOS_PER_SECOND;

@@ -11,9 +11,9 @@ pub use self::notices::Notices;
 use super::control::{Order, Ticket};
 pub use super::policy::{InputState, NodeInput, OnStale, Policies, Policy, Rule};
 use super::refit::{Load, Refit};
-use crate::frame::{Estimate, EsvState, Frame, Inputs, Signals};
-use crate::residual::corrector::{Correction, Corrector};
-use crate::twin::Twin;
+use govtwin_correction::corrector::{Correction, Corrector};
+use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+use govtwin_model::twin::Twin;
 
 /// Something heard, checked already: every number is finite and in range.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -316,14 +316,14 @@ impl Core {
 #[cfg(test)]
 mod tests {
     use super::{Core, InputEvent, InputState, NodeInput, Notices, OnStale, Policies, Policy, Rule};
-    use crate::frame::EsvState;
-    use crate::twin::Twin;
+    use govtwin_model::frame::EsvState;
+    use govtwin_model::twin::Twin;
 
     const MS: i64 = 1_000_000;
 
     fn core(on_stale: OnStale) -> Core {
         let policy = Policy { stale_after_ns: 100 * MS, hold_ns: 50 * MS, on_stale };
-        Core::new(Twin::new(&crate::params::reference()), policy, 6.3e6)
+        Core::new(Twin::new(&govtwin_model::params::reference()), policy, 6.3e6)
     }
 
     fn hear_all(core: &mut Core, now_ns: i64) {
@@ -403,7 +403,7 @@ mod tests {
         let relaxed = Policy { stale_after_ns: 1000 * MS, hold_ns: 0, on_stale: OnStale::Default };
         policies.rules[NodeInput::TankPressure as usize] = Rule { policy: relaxed, required: false };
         policies.default_tank_pressure_pa = Some(5.9e6);
-        let mut core = Core::new(Twin::new(&crate::params::reference()), policies, 6.3e6);
+        let mut core = Core::new(Twin::new(&govtwin_model::params::reference()), policies, 6.3e6);
         let tick = |core: &mut Core, now: i64| {
             core.hear(InputEvent::Command(0.4), now * MS);
             core.tick(now * MS, now * MS)

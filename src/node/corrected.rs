@@ -8,10 +8,10 @@ use ros2_client::Publisher;
 
 use super::bus::{Bus, BusError};
 use super::messages;
-use crate::frame::{Estimate, Signals};
-use crate::msg::{Interface, ServoState};
-use crate::residual::corrector::Correction;
-use crate::signal::Signal;
+use govtwin_bag::msg::{Interface, ServoState};
+use govtwin_correction::corrector::Correction;
+use govtwin_model::frame::{Estimate, Signals};
+use govtwin_model::signal::Signal;
 
 /// The publishers of one corrected signal.
 pub struct CorrectedPublishers {

@@ -10,10 +10,10 @@ use super::bus::Bus;
 use super::offer::Describer;
 use super::realtime::Until;
 use super::services::CYCLONE;
-use crate::files::read_text;
-use crate::msg::definition::{DefinitionError, closure_with, schema_with, text_of};
-use crate::msg::type_hash::{hash_of, texts_of};
-use crate::msg::upkeep::{GetTypeDescription, TypeRequest, TypeResponse};
+use govtwin_bag::msg::definition::{DefinitionError, closure_with, schema_with, text_of};
+use govtwin_bag::msg::type_hash::{hash_of, texts_of};
+use govtwin_bag::msg::upkeep::{GetTypeDescription, TypeRequest, TypeResponse};
+use govtwin_files::read_text;
 
 /// A longer file is no definition of a message, bytes.
 const LARGEST_FILE_BYTES: u64 = 1 << 20;
@@ -177,6 +177,6 @@ fn fitting(type_name: &str, hash: &str, text: &dyn Fn(&str) -> Result<String, De
 
 /// The announced hash, or that of the schema.
 fn or_own(hash: &str, type_name: &str, schema: &str) -> String {
-    let own = || crate::msg::definition::parse_schema(type_name, schema).map(|closure| hash_of(&closure));
+    let own = || govtwin_bag::msg::definition::parse_schema(type_name, schema).map(|closure| hash_of(&closure));
     if hash.is_empty() { own().unwrap_or_default() } else { hash.to_owned() }
 }

@@ -6,8 +6,8 @@ use super::control::RunState;
 use super::core::{NodeInput, Policies};
 use super::intake::{Refusal, TopicCounts};
 use super::integration::TickOutput;
-use crate::msg::Header;
-use crate::units::seconds_from_nanos;
+use govtwin_bag::msg::Header;
+use govtwin_model::units::seconds_from_nanos;
 
 /// Full name of [`DiagnosticArray`].
 pub const TYPE_NAME: &str = "diagnostic_msgs/msg/DiagnosticArray";
@@ -133,11 +133,11 @@ fn seconds_text(time_ns: i64) -> String {
 #[cfg(test)]
 mod tests {
     use super::{DiagnosticArray, RunState, TimeKeeping, compile};
-    use crate::frame::EsvState;
-    use crate::node::core::{Core, InputEvent, NodeInput, OnStale, Policy, Tick};
-    use crate::node::intake::{Refusal, TopicCounts, TopicGate};
-    use crate::node::integration::TickOutput;
-    use crate::twin::Twin;
+    use crate::core::{Core, InputEvent, NodeInput, OnStale, Policy, Tick};
+    use crate::intake::{Refusal, TopicCounts, TopicGate};
+    use crate::integration::TickOutput;
+    use govtwin_model::frame::EsvState;
+    use govtwin_model::twin::Twin;
 
     const SECOND_NS: i64 = 1_000_000_000;
     const NO_LOAD: (u8, &str) = (0, "nothing heard; its default is taken");
@@ -148,7 +148,7 @@ mod tests {
 
     /// A core that heard all inputs at 0 s.
     fn core(on_stale: OnStale) -> Core {
-        let mut core = Core::new(Twin::new(&crate::params::reference()), policy(on_stale), 6.3e6);
+        let mut core = Core::new(Twin::new(&govtwin_model::params::reference()), policy(on_stale), 6.3e6);
         for heard in [InputEvent::Command(0.4), InputEvent::Esv(EsvState::Normal), InputEvent::TankPressure(6.3e6)] {
             core.hear(heard, 0);
         }

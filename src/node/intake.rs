@@ -6,9 +6,9 @@ pub mod mapped;
 
 use std::collections::BTreeMap;
 
-use crate::frame::EsvState;
-use crate::msg::{self, Header};
-use crate::units::NANOS_PER_SECOND;
+use govtwin_bag::msg::{self, Header};
+use govtwin_model::frame::EsvState;
+use govtwin_model::units::NANOS_PER_SECOND;
 
 use super::core::{InputEvent, NodeInput};
 
@@ -237,8 +237,8 @@ mod tests {
     use proptest::prelude::{any, proptest};
 
     use super::{Intake, MOST_SENDERS, Numbering, Refusal, TopicGate};
-    use crate::msg::{EsvState, FluidPressure, GovernorCommand, Header, Time};
-    use crate::node::core::InputEvent;
+    use crate::core::InputEvent;
+    use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, Time};
 
     fn command(sec: i32, nanosec: u32, opening: f64) -> GovernorCommand {
         GovernorCommand { header: Header { stamp: Time { sec, nanosec }, frame_id: String::new() }, opening }

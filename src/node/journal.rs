@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 
 use super::core::{NodeInput, Notices, Tick};
 use super::messages;
-use crate::bag::{BagError, Qos, Topic, Writer, WriterOptions};
-use crate::frame::Inputs;
-use crate::msg::{EsvState, FluidPressure, GovernorCommand, JointState, ServoState};
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, JointState, ServoState};
+use govtwin_bag::{BagError, Qos, Topic, Writer, WriterOptions};
+use govtwin_model::frame::Inputs;
 
 /// Topic names of a journal.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -36,7 +36,7 @@ use super::services::steps::StepsAction;
 use super::services::upkeep::UpkeepServices;
 use super::services::{Aftermath, ParameterServices, ServiceContext};
 use super::settings::NodeSettings;
-use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
+use govtwin_bag::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 
 /// Topic of the state measured on the real unit.
 pub const MEASURED: &str = "plant/servo_state";

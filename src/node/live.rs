@@ -39,9 +39,9 @@ use super::services::replies::Replies;
 use super::settings::NodeSettings;
 use super::startup;
 use super::stats::{RunSummary, Stats};
-use crate::bag::BagError;
-use crate::parameters::Unit;
-use crate::residual::model::{Model, ModelError};
+use govtwin_bag::BagError;
+use govtwin_correction::model::{Model, ModelError};
+use govtwin_model::parameters::Unit;
 
 /// Where words go.
 pub type Say<'a> = &'a mut dyn FnMut(LogLevel, &str);

@@ -1,8 +1,8 @@
 //! Estimates and inputs as the messages that leave the node.
 
 use super::core::{InputState, Tick};
-use crate::frame::{Estimate, EsvState, Inputs};
-use crate::msg::{self, Header};
+use govtwin_bag::msg::{self, Header};
+use govtwin_model::frame::{Estimate, EsvState, Inputs};
 
 /// Names of the two joints, in the order of [`joint_state`].
 pub const JOINTS: [&str; 2] = ["spool", "servomotor"];

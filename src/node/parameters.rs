@@ -10,10 +10,10 @@ pub use domain::words_of;
 use super::arguments::ParameterOverride;
 use super::policy::{NodeInput, OnStale};
 use super::settings::{InputSettings, NodeSettings};
-use crate::effects::{CATALOGUE, EffectParameter, EffectSpec, own};
-use crate::frame::EsvState;
-use crate::parameters::{ENTRIES, EffectSetting, Unit, entry};
-use crate::params::{Conflict, conflicts};
+use govtwin_model::effects::{CATALOGUE, EffectParameter, EffectSpec, own};
+use govtwin_model::frame::EsvState;
+use govtwin_model::parameters::{ENTRIES, EffectSetting, Unit, entry};
+use govtwin_model::params::{Conflict, conflicts};
 
 /// Prefix of the plant's parameters.
 const UNIT_PREFIX: &str = "unit.";
@@ -340,10 +340,10 @@ mod tests {
     use ros2_client::parameters::ParameterValue;
 
     use super::{NodeSettings, ParameterOverride, ParameterStore};
-    use crate::node::core::OnStale;
+    use crate::core::OnStale;
 
     fn store() -> ParameterStore {
-        ParameterStore::new(&NodeSettings::default(), &crate::params::reference())
+        ParameterStore::new(&NodeSettings::default(), &govtwin_model::params::reference())
     }
 
     #[test]

@@ -15,9 +15,9 @@ use super::offer::is_hash;
 use super::qos;
 use super::realtime::{Until, monotonic_ns, pause, sleep_until};
 use super::spout::Encoded;
-use crate::bag::{BagError, RawMessage};
-use crate::msg::{Clock, Interface, Time};
-use crate::units::seconds_from_nanos;
+use govtwin_bag::msg::{Clock, Interface, Time};
+use govtwin_bag::{BagError, RawMessage};
+use govtwin_model::units::seconds_from_nanos;
 
 /// Where time is told.
 const CLOCK: &str = "/clock";
@@ -158,7 +158,7 @@ impl Player {
                         return;
                     }
                     tell_clock(clock, next_clock_ns);
-                    next_clock_ns += crate::units::nanos_from_seconds(1.0 / hz).max(1);
+                    next_clock_ns += govtwin_model::units::nanos_from_seconds(1.0 / hz).max(1);
                 }
             }
             let due_ns = pass.due_ns(message.log_time_ns);

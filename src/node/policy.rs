@@ -1,7 +1,7 @@
 //! How silence is treated, input by input: what must come, how old it may be, and what stands in for it.
 
-use crate::frame::{EsvState, Inputs};
-use crate::units::seconds_from_nanos;
+use govtwin_model::frame::{EsvState, Inputs};
+use govtwin_model::units::seconds_from_nanos;
 
 /// Topic of joint commands, whose positions are opening commands and whose efforts are load forces.
 pub const JOINT_COMMANDS: &str = "sim/joint_commands";

@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 
 use super::realtime::monotonic_ns;
 use super::recorder::{OPTIONS, Sink};
-use crate::bag::{BagError, Newest, RawMessage, ReadOptions, Stream, Writer, broken_off, intended_place, recover};
-use crate::files::Claim;
-use crate::frame::Frame;
-use crate::units::{NANOS_PER_SECOND, nanos_from_seconds, seconds_from_nanos};
-use crate::watch::cut::{Cutter, GAP_S, LEAD_S};
+use govtwin_bag::{BagError, Newest, RawMessage, ReadOptions, Stream, Writer, broken_off, intended_place, recover};
+use govtwin_diagnosis::watch::cut::{Cutter, GAP_S, LEAD_S};
+use govtwin_files::Claim;
+use govtwin_model::frame::Frame;
+use govtwin_model::units::{NANOS_PER_SECOND, nanos_from_seconds, seconds_from_nanos};
 
 /// Recorded before the movement that begins a process: what the reader keeps, and as much again by which it finds the beginning, s.
 const BEFORE_S: f64 = 2.0 * LEAD_S;
@@ -308,19 +308,19 @@ mod tests {
     use std::path::Path;
 
     use super::{Hearing, ProcessRecorder, Sink, take_up, waiting};
-    use crate::bag::{
+    use crate::messages as wire;
+    use govtwin_bag::{
         Interpolation, Qos, RawMessage, ReadOptions, Stream, Topics, Writer, WriterOptions, messages, read,
     };
-    use crate::frame::Frame;
-    use crate::generate::{self, Scenario};
-    use crate::node::messages as wire;
-    use crate::recording::Process;
-    use crate::units::nanos_from_seconds;
-    use crate::watch::cut::{CutProcess, Cutter, Ended};
+    use govtwin_diagnosis::generate::{self, Scenario};
+    use govtwin_diagnosis::watch::cut::{CutProcess, Cutter, Ended};
+    use govtwin_model::frame::Frame;
+    use govtwin_model::recording::Process;
+    use govtwin_model::units::nanos_from_seconds;
 
     /// What is sent of a unit that begins at `from_s`, moves, and rests for a minute; the bag that holds all of it.
     fn sent(folder: &Path, from_s: f64, process: Process) -> (Vec<RawMessage>, std::path::PathBuf) {
-        let unit = crate::params::reference();
+        let unit = govtwin_model::params::reference();
         let mut frames =
             generate::recording(&Scenario { unit, process, rate_hz: 50.0, duration_s: 40.0, rich: false, seed: 4 })
                 .frames;
@@ -342,8 +342,8 @@ mod tests {
             writer.write(esv, time_ns, &wire::esv(&frame.inputs, time_ns)).unwrap();
             writer.write(pressure, time_ns, &wire::tank_pressure(&frame.inputs, time_ns)).unwrap();
             let signals = frame.measured;
-            let message = crate::msg::ServoState {
-                header: crate::msg::Header::at(time_ns),
+            let message = govtwin_bag::msg::ServoState {
+                header: govtwin_bag::msg::Header::at(time_ns),
                 spool_position: signals.spool_position_pu,
                 servomotor_position: signals.servomotor_position_pu,
                 pilot_valve_position: signals.pilot_valve_position_pu,

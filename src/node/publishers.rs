@@ -15,8 +15,8 @@ use super::messages;
 use super::realtime::{monotonic_ns, pause};
 use super::services::replies::Replies;
 use super::services::steps::StepsAction;
-use crate::msg::{Clock, Interface, JointState, ServoState, Time, TwinStatus};
-use crate::signal::Signal;
+use govtwin_bag::msg::{Clock, Interface, JointState, ServoState, Time, TwinStatus};
+use govtwin_model::signal::Signal;
 
 /// A clock that stands is told again after so long, ns.
 const CLOCK_AGAIN_NS: i64 = 200_000_000;

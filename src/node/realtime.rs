@@ -8,7 +8,7 @@ use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{ClockId, CpuSet, clock_nanosleep_absolute, sched_setaffinity, set_current_timer_slack};
 use rustix::time::{Timespec, clock_gettime};
 
-use crate::units::NANOS_PER_SECOND;
+use govtwin_model::units::NANOS_PER_SECOND;
 
 /// What a thread asks of the system.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -16,8 +16,8 @@ use super::offer::Offer;
 use super::qos::{latched, recorded};
 use super::realtime::{Until, pause};
 use super::tap::{Tap, TappedSample};
-use crate::bag::{BagError, RawMessage, TopicInfo, Writer, WriterOptions};
-use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
+use govtwin_bag::{BagError, RawMessage, TopicInfo, Writer, WriterOptions};
 
 /// Topics recorded where none are named, with their types.
 pub const DEFAULT_TOPICS: [(&str, &str); 6] = [

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::effects;
-use crate::parameters::Unit;
-use crate::plant::Plant;
-use crate::plant::term::{Point, Term, View};
-use crate::solver::Method;
-use crate::twin::Twin;
+use govtwin_model::effects;
+use govtwin_model::parameters::Unit;
+use govtwin_model::plant::Plant;
+use govtwin_model::plant::term::{Point, Term, View};
+use govtwin_model::solver::Method;
+use govtwin_model::twin::Twin;
 
 /// A force on the piston that comes from outside, N, + opens.
 #[derive(Debug, Default)]
@@ -65,9 +65,9 @@ impl Refit {
 #[cfg(test)]
 mod tests {
     use super::Refit;
-    use crate::frame::{Estimate, EsvState, Frame, Inputs, Signals};
-    use crate::parameters::EffectSetting;
-    use crate::twin::Twin;
+    use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+    use govtwin_model::parameters::EffectSetting;
+    use govtwin_model::twin::Twin;
 
     const MS: i64 = 1_000_000;
 
@@ -82,7 +82,7 @@ mod tests {
 
     #[test]
     fn a_force_of_zero_changes_no_bit_and_an_opening_force_opens_faster() {
-        let unit = crate::params::reference();
+        let unit = govtwin_model::params::reference();
         let (mut plain, mut refit) = (Twin::new(&unit), Refit::new(&unit));
         run(&mut plain, 0..10, 0.3);
         run(&mut refit.twin, 0..10, 0.3);
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn a_twin_goes_on_as_another_without_a_jump_and_as_that_one_would() {
-        let unit = crate::params::reference();
+        let unit = govtwin_model::params::reference();
         let mut leaky = unit.clone();
         leaky.effects.push(EffectSetting { id: "servo_leak".to_owned(), values: vec![2e-9] });
         let mut lagging = leaky.clone();

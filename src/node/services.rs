@@ -289,14 +289,14 @@ mod tests {
     use ros2_client::parameters::{ParameterValue, raw};
 
     use super::{Aftermath, ServiceContext, set};
-    use crate::node::parameters::ParameterStore;
-    use crate::node::settings::NodeSettings;
+    use crate::parameters::ParameterStore;
+    use crate::settings::NodeSettings;
 
     static LEAST: AtomicU8 = AtomicU8::new(20);
 
     fn context(mappings: &[ros2_client::ServiceMapping]) -> ServiceContext<'static> {
         ServiceContext::new(
-            ParameterStore::new(&NodeSettings::default(), &crate::params::reference()),
+            ParameterStore::new(&NodeSettings::default(), &govtwin_model::params::reference()),
             mappings,
             &LEAST,
         )

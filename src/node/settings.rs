@@ -3,8 +3,8 @@
 use super::integration::{LoopPace, TimeSource};
 use super::policy::{NodeInput, OnStale, Policies, Policy, Rule};
 use super::realtime::Wishes;
-use crate::frame::EsvState;
-use crate::units::nanos_from_seconds;
+use govtwin_model::frame::EsvState;
+use govtwin_model::units::nanos_from_seconds;
 
 /// What is set for one input; what is `None` is as for all.
 #[derive(Clone, Copy, Debug, PartialEq)]

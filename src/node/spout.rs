@@ -41,7 +41,7 @@ impl Serialize for Encoded {
 #[cfg(test)]
 mod tests {
     use super::Encoded;
-    use crate::bag::cdr;
+    use govtwin_bag::cdr;
 
     #[test]
     fn a_sample_is_written_as_it_was_read() {

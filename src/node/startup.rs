@@ -10,7 +10,7 @@ use super::policy::{NodeInput, OnStale};
 use super::realtime::{carrier, claim_transport, lock_memory};
 use super::settings::NodeSettings;
 use super::transport;
-use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, TwinStatus};
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, TwinStatus};
 
 /// Type and unit of each input.
 const INPUTS: [(&str, &str); NodeInput::COUNT] = [

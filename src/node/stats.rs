@@ -6,8 +6,8 @@ use hdrhistogram::Histogram;
 use serde::Serialize;
 
 use super::policy::NodeInput;
-use crate::residual::adapt::Adaptation;
-use crate::residual::guard::GuardCounts;
+use govtwin_correction::adapt::Adaptation;
+use govtwin_correction::guard::GuardCounts;
 
 /// Longest time that is told apart, ns; longer ones count as this.
 const LONGEST_NS: u64 = 60_000_000_000;

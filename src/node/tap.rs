@@ -7,7 +7,7 @@ use ros2_client::Gid;
 use rustdds::no_key::{Decode, DefaultDecoder, DeserializerAdapter, SimpleDataReader};
 use rustdds::{RepresentationIdentifier as Layout, Subscriber, Timestamp};
 
-use crate::units::NANOS_PER_SECOND;
+use govtwin_model::units::NANOS_PER_SECOND;
 
 /// Layouts of samples: CDR in its first and second version, plain and with parameters, of both orders of bytes.
 const LAYOUTS: &[Layout] = &[

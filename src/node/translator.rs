@@ -6,10 +6,10 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::intake::mapped::refusal_of;
-use crate::bag::{Qos, RawMessage, TopicInfo, Topics, cdr};
-use crate::import::{ImportError, Map, MappedField, MappedTopic, Recurring, RowMessages, Target, topics_of};
-use crate::msg::definition::DefinitionError;
-use crate::msg::{EsvState, FluidPressure, GovernorCommand, ServoState};
+use govtwin_bag::import::{ImportError, Map, MappedField, MappedTopic, Recurring, RowMessages, Target, topics_of};
+use govtwin_bag::msg::definition::DefinitionError;
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, ServoState};
+use govtwin_bag::{Qos, RawMessage, TopicInfo, Topics, cdr};
 
 /// A topic of the map.
 struct TranslatedTopic {

@@ -6,15 +6,15 @@ use super::bus::{Bus, BusError};
 use super::diagnostics::{self, DiagnosticArray, DiagnosticStatus, KeyValue};
 use super::process_recorder::{Hearing, Listening};
 use super::realtime::wall_ns;
-use crate::msg::{FaultSize, Header, Interface, Time, UnitVerdict};
-use crate::report::diagnosis::shown_unit;
-use crate::report::table::quantity;
-use crate::watch::history::{Course, ProcessEntry, ProcessSize};
+use govtwin_bag::msg::{FaultSize, Header, Interface, Time, UnitVerdict};
+use govtwin_diagnosis::watch::history::{Course, ProcessEntry, ProcessSize};
+use govtwin_diagnosis::words::shown_unit;
+use govtwin_model::number::quantity;
 
 /// Where the verdict is published.
 pub const TOPIC: &str = "~/verdict";
 
-/// What the counts of samples are called, in the order of [`Stream::ALL`](crate::bag::Stream::ALL).
+/// What the counts of samples are called, in the order of [`Stream::ALL`](govtwin_bag::Stream::ALL).
 const SAMPLES: [&str; 4] = ["command samples", "esv samples", "tank_pressure samples", "servo_state samples"];
 
 /// What the history shows after the process that was entered last; none before the first.
@@ -183,8 +183,8 @@ impl Herald {
 #[cfg(test)]
 mod tests {
     use super::{Hearing, Listening, report, verdict};
-    use crate::msg::Time;
-    use crate::watch::history::{ProcessEntry, ProcessSize, SCHEMA, courses};
+    use govtwin_bag::msg::Time;
+    use govtwin_diagnosis::watch::history::{ProcessEntry, ProcessSize, SCHEMA, courses};
 
     fn entries(count: u32, play_pu: impl Fn(u32) -> f64) -> Vec<ProcessEntry> {
         let entry = |i: u32| {

@@ -90,10 +90,10 @@ fn of_tick(notices: Notices, settings: &NodeSettings, labels: &[String; NodeInpu
 #[cfg(test)]
 mod tests {
     use super::{LogLevel, NodeEvent, Notices, of, of_tick};
-    use crate::node::core::{Core, NodeInput, OnStale};
-    use crate::node::integration::TickOutput;
-    use crate::node::settings::NodeSettings;
-    use crate::twin::Twin;
+    use crate::core::{Core, NodeInput, OnStale};
+    use crate::integration::TickOutput;
+    use crate::settings::NodeSettings;
+    use govtwin_model::twin::Twin;
 
     fn labels() -> [String; NodeInput::COUNT] {
         NodeInput::ALL.map(|input| input.topic().to_owned())
@@ -110,7 +110,7 @@ mod tests {
     #[test]
     fn what_is_set_while_the_node_runs_is_told_from_then_on() {
         let mut settings = NodeSettings::default();
-        let mut tick = Core::new(Twin::new(&crate::params::reference()), settings.policies(), 6.3e6).tick(0, 0);
+        let mut tick = Core::new(Twin::new(&govtwin_model::params::reference()), settings.policies(), 6.3e6).tick(0, 0);
         tick.notices = Notices::stale(NodeInput::Esv);
         let stale = NodeEvent::Output(Box::new(TickOutput {
             tick,

@@ -1,7 +1,7 @@
 //! The alignment rule against a slow and obvious reading of it, on streams with their own rates and jitter.
 
-use govtwin::bag::{Interpolation, ReadOptions};
-use govtwin::frame::EsvState;
+use govtwin_bag::{Interpolation, ReadOptions};
+use govtwin_model::frame::EsvState;
 use mcap::WriteOptions;
 use proptest::prelude::{Just, ProptestConfig, Strategy, any, prop, prop_assert, prop_assert_eq, proptest};
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use govtwin::bag::{self, ReadOptions};
+use govtwin_bag::ReadOptions;
 use mcap::{Compression, WriteOptions};
 use proptest::prelude::{ProptestConfig, any, prop, prop_assert, proptest};
 use proptest::sample::Index;
@@ -12,8 +12,8 @@ use crate::make::{Bag, in_file, read_both_ways, small_chunks};
 fn read_all_ways(path: &Path) {
     let _ = read_both_ways(path, &ReadOptions::default());
     let _ = read_both_ways(path, &ReadOptions { required: vec![], ..ReadOptions::default() });
-    let _ = bag::survey(path);
-    if let Ok(messages) = bag::messages(path) {
+    let _ = govtwin_bag::survey(path);
+    if let Ok(messages) = govtwin_bag::messages(path) {
         let _ = messages.count();
     }
 }

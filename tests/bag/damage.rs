@@ -1,6 +1,6 @@
 //! Damaged bags: everything whole is recovered, what is lost is said, nothing panics.
 
-use govtwin::bag::{self, BagError, ReadOptions, Warning};
+use govtwin_bag::{BagError, ReadOptions, Warning};
 use mcap::{Compression, WriteOptions};
 
 use crate::make::{Bag, in_file, read_both_ways, small_chunks};
@@ -12,7 +12,7 @@ fn is_prefix(messages: &[Vec<u8>], bag: &Bag) -> bool {
 
 fn messages_in(bytes: &[u8]) -> Result<(Vec<Vec<u8>>, Vec<Warning>), BagError> {
     let (_folder, path) = in_file(bytes);
-    let messages = bag::messages(&path)?;
+    let messages = govtwin_bag::messages(&path)?;
     let warnings = messages.warnings().to_vec();
     Ok((messages.map(|message| message.unwrap().data).collect(), warnings))
 }
@@ -120,7 +120,7 @@ fn damage_is_summed_up_not_listed_without_end() {
 fn a_finished_file_without_messages_is_empty_not_damaged() {
     let bytes = Bag::default().bytes(WriteOptions::new());
     let (_folder, path) = in_file(&bytes);
-    assert_eq!(bag::messages(&path).unwrap().count(), 0);
+    assert_eq!(govtwin_bag::messages(&path).unwrap().count(), 0);
     let error = read_both_ways(&path, &ReadOptions::default()).unwrap_err();
     assert!(matches!(&error, BagError::Empty { lost, .. } if lost.is_empty()), "{error}");
     let error = {

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use govtwin::bag::{BagError, ReadOptions, Warning};
-use govtwin::msg::{FluidPressure, Header, JointState};
+use govtwin_bag::msg::{FluidPressure, Header, JointState};
+use govtwin_bag::{BagError, ReadOptions, Warning};
 use mcap::WriteOptions;
 
 use crate::make::{BEGIN_NS, Bag, in_file, read_both_ways, small_chunks};

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use govtwin::bag::{self, Growing, Grown, Interpolation, ReadOptions, Stream};
-use govtwin::msg::EsvState;
+use govtwin_bag::msg::EsvState;
+use govtwin_bag::{Growing, Grown, Interpolation, ReadOptions, Stream};
 use rand::{RngExt as _, SeedableRng as _};
 
 use crate::make::{All, BEGIN_NS, Bag, MS, small_chunks};
@@ -96,7 +96,7 @@ fn the_rows_are_those_of_the_whole_whatever_the_steps() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("whole.mcap");
         fs::write(&path, &bytes).unwrap();
-        let whole = bag::read(&path, &options()).unwrap().recording.frames;
+        let whole = govtwin_bag::read(&path, &options()).unwrap().recording.frames;
         assert!(whole.len() > 70_000, "{what}: {}", whole.len());
         for (seed, most) in [(1, bytes.len() / 40), (2, bytes.len() / 4), (3, 2 * bytes.len())] {
             let path = dir.path().join(format!("{seed}.mcap"));
@@ -120,7 +120,7 @@ fn straight_inputs_and_such_that_hold_grow_as_well() {
         fs::write(&path, &bytes).unwrap();
         for (seed, interpolation) in [(1, Interpolation::Hold), (2, Interpolation::Linear { period_ns: MS })] {
             let options = ReadOptions { interpolation, ..options() };
-            let whole = bag::read(&path, &options).unwrap().recording.frames;
+            let whole = govtwin_bag::read(&path, &options).unwrap().recording.frames;
             let path = dir.path().join(format!("{seed}.mcap"));
             let (rows, ..) = in_steps(&path, &bytes, options, bytes.len() / 9, seed);
             assert!(format!("{:?}", rows.frames) == format!("{whole:?}"), "{what}, {interpolation:?}: rows differ");
@@ -150,7 +150,7 @@ fn another_bag_in_its_place_is_read_anew() {
     let whole = |bytes: &[u8]| {
         let path = dir.path().join("whole.mcap");
         fs::write(&path, bytes).unwrap();
-        format!("{:?}", bag::read(&path, &options()).unwrap().recording.frames)
+        format!("{:?}", govtwin_bag::read(&path, &options()).unwrap().recording.frames)
     };
     let changes: [(&str, Change); 3] = [
         ("renamed over it", |path, bytes| {
@@ -211,7 +211,7 @@ fn a_bag_in_several_files_is_followed_from_one_into_the_next() {
             assert_eq!(growing.more(dir.path(), (number, share) == (1, 2), &mut rows).unwrap(), Grown::Rows);
         }
     }
-    let whole = bag::read(dir.path(), &options()).unwrap().recording.frames;
+    let whole = govtwin_bag::read(dir.path(), &options()).unwrap().recording.frames;
     assert!(format!("{:?}", rows.frames) == format!("{whole:?}"));
     let all = (bytes[0].len() + bytes[1].len()) as u64;
     assert!(growing.read_bytes() <= all + 6 * AGAIN_BYTES, "{} of {all}", growing.read_bytes());
@@ -241,19 +241,19 @@ fn damage_amid_a_bag_that_grows_is_passed_over_as_in_one_that_is_whole() {
     bytes[middle..middle + 5000].fill(0);
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("whole.mcap"), &bytes).unwrap();
-    let whole = bag::read(&dir.path().join("whole.mcap"), &options()).unwrap().recording.frames;
+    let whole = govtwin_bag::read(&dir.path().join("whole.mcap"), &options()).unwrap().recording.frames;
     let (rows, ..) = in_steps(&dir.path().join("grown.mcap"), &bytes, options(), bytes.len() / 7, 9);
     assert!(format!("{:?}", rows.frames) == format!("{whole:?}"));
 }
 
 struct Count(u64);
 
-impl bag::Rows for Count {
+impl govtwin_bag::Rows for Count {
     fn restart(&mut self) {
         self.0 = 0;
     }
 
-    fn row(&mut self, _: &govtwin::frame::Frame) {
+    fn row(&mut self, _: &govtwin_model::frame::Frame) {
         self.0 += 1;
     }
 }
@@ -261,7 +261,7 @@ impl bag::Rows for Count {
 #[test]
 fn a_shift_of_eight_hours_is_no_recording_too_long() {
     let (_dir, path) = slow(8 * 3600, Some(1)).file(small_chunks());
-    let refused = bag::read(&path, &options()).unwrap_err().to_string();
+    let refused = govtwin_bag::read(&path, &options()).unwrap_err().to_string();
     assert!(refused.contains("rows"), "{refused}");
     let mut rows = Count(0);
     assert_eq!(Growing::new(options()).more(&path, true, &mut rows).unwrap(), Grown::Rows);

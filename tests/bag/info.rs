@@ -1,10 +1,8 @@
 //! What `govtwin info` says, and its exit codes.
 
+use mcap::WriteOptions;
 use std::path::Path;
 use std::process::{Command, Output};
-
-use govtwin::bag;
-use mcap::WriteOptions;
 
 use crate::make::{Bag, in_file, shipped, small_chunks};
 
@@ -62,8 +60,8 @@ fn warnings_end_with_three_and_errors_with_one() {
 fn a_foreign_bag_is_surveyed_without_judging_it() {
     let mut bag = Bag::default();
     for step in 0..40_i64 {
-        let header = govtwin::msg::Header::at(step * 25_000_000);
-        let message = govtwin::msg::JointState {
+        let header = govtwin_bag::msg::Header::at(step * 25_000_000);
+        let message = govtwin_bag::msg::JointState {
             header,
             name: vec!["a".into()],
             position: vec![f64::NAN, step as f64],
@@ -73,7 +71,7 @@ fn a_foreign_bag_is_surveyed_without_judging_it() {
         bag.put("/joint_states", step * 25_000_000 + 3_000_000, &message);
     }
     let (_folder, path) = bag.file(WriteOptions::new());
-    let survey = bag::survey(&path).unwrap();
+    let survey = govtwin_bag::survey(&path).unwrap();
     let topic = &survey.topics[0];
     assert_eq!((topic.messages, topic.nan, topic.infinite, topic.undecodable), (40, 40, 40, 0));
     let stamps = topic.stamps.unwrap();
@@ -97,6 +95,6 @@ fn types_that_contain_themselves_are_not_walked() {
     writer.finish().unwrap();
     drop(writer);
     let (_folder, path) = in_file(&file.into_inner());
-    let topic = &bag::survey(&path).unwrap().topics[0];
+    let topic = &govtwin_bag::survey(&path).unwrap().topics[0];
     assert_eq!((topic.readable, topic.messages), (false, 1));
 }

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use govtwin::bag::{self, BagError, Interpolation, Loaded, ReadOptions, Rows, cdr};
-use govtwin::frame::Frame;
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState, definition};
-use govtwin::signal::Signal;
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState, definition};
+use govtwin_bag::{BagError, Interpolation, Loaded, ReadOptions, Rows, cdr};
+use govtwin_model::frame::Frame;
+use govtwin_model::signal::Signal;
 use mcap::WriteOptions;
 use mcap::records::MessageHeader;
 
@@ -140,8 +140,8 @@ pub fn read_both_ways(path: &Path, options: &ReadOptions) -> Result<Loaded, BagE
     }
     let words = |error: BagError| error.to_string();
     let mut all = All::default();
-    let rows = bag::read_rows(path, options, &mut all);
-    let whole = bag::read(path, options);
+    let rows = govtwin_bag::read_rows(path, options, &mut all);
+    let whole = govtwin_bag::read(path, options);
     match (&whole, rows.map_err(words)) {
         // As text, in which NaN is NaN.
         (Ok(whole), Ok(health)) => {
@@ -158,7 +158,7 @@ pub fn read_both_ways(path: &Path, options: &ReadOptions) -> Result<Loaded, BagE
 #[track_caller]
 fn same_on_a_grid(path: &Path, options: &ReadOptions) {
     let mut all = All::default();
-    match (bag::read(path, options), bag::read_rows(path, options, &mut all)) {
+    match (govtwin_bag::read(path, options), govtwin_bag::read_rows(path, options, &mut all)) {
         (Ok(whole), Ok(health)) => {
             assert_eq!(format!("{:?}", whole.health), format!("{health:?}"));
             let frames = &whole.recording.frames;

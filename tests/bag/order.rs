@@ -1,7 +1,7 @@
 //! Late, doubled, impossible and misdated samples: each counted, placed, and kept from the rows.
 
-use govtwin::bag::{self, BagError, Health, Interpolation, ReadOptions, StreamHealth, Warning};
-use govtwin::msg::{EsvState, GovernorCommand, Header, Time};
+use govtwin_bag::msg::{EsvState, GovernorCommand, Header, Time};
+use govtwin_bag::{BagError, Health, Interpolation, ReadOptions, StreamHealth, Warning};
 use mcap::WriteOptions;
 
 use crate::make::{BEGIN_NS, Bag, MS, read_both_ways};
@@ -11,7 +11,7 @@ const ESV: usize = 1;
 const PRESSURE: usize = 2;
 const SERVO: usize = 3;
 
-fn read(bag: &Bag) -> bag::Loaded {
+fn read(bag: &Bag) -> govtwin_bag::Loaded {
     let (_folder, path) = bag.file(WriteOptions::new());
     read_both_ways(&path, &ReadOptions::default()).unwrap()
 }
@@ -120,7 +120,7 @@ fn without_clock(seconds: i64) -> Bag {
     let mut bag = Bag::standard(seconds);
     for (step, entry) in (0..).zip(bag.entries.iter_mut().filter(|entry| entry.topic == "/governor/command")) {
         let opening = 0.3 + 1e-4 * f64::from(step);
-        entry.data = bag::cdr::encode(&GovernorCommand { header: Header::at(0), opening }).unwrap();
+        entry.data = govtwin_bag::cdr::encode(&GovernorCommand { header: Header::at(0), opening }).unwrap();
     }
     bag
 }
@@ -324,6 +324,6 @@ fn linear_inputs_meet_their_samples_and_the_esv_holds() {
     assert_eq!(frames.len(), 17);
     for (step, frame) in frames.iter().enumerate() {
         assert!((frame.inputs.opening_command_pu - 0.025 * step as f64).abs() < 1e-12);
-        assert_eq!(frame.inputs.esv == govtwin::frame::EsvState::Normal, step < 8);
+        assert_eq!(frame.inputs.esv == govtwin_model::frame::EsvState::Normal, step < 8);
     }
 }

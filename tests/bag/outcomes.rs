@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::Instant;
 
-use govtwin::bag::ReadOptions;
+use govtwin_bag::ReadOptions;
 use mcap::{Compression, WriteOptions};
 
 use crate::make::{Bag, in_file, read_both_ways, small_chunks};

@@ -3,10 +3,10 @@
 use std::process::Command;
 use std::sync::Arc;
 
-use govtwin::bag::{
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, ServoState};
+use govtwin_bag::{
     self, BagError, Finding, Health, Kind, ReadOptions, Severity, Stream, Warning, Writer, WriterOptions,
 };
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, ServoState};
 use mcap::WriteOptions;
 
 use crate::make::{BEGIN_NS, Bag, Entry, MS, in_file, read_both_ways, small_chunks};
@@ -119,8 +119,10 @@ fn two_senders_show_by_name_values_count_and_stamps() {
     let again: Vec<Entry> = bag.entries.iter().filter(|entry| entry.topic == "/governor/command").cloned().collect();
     for (k, entry) in again.into_iter().enumerate().filter(|(k, _)| k % 3 == 0) {
         let stamp = Header::at(BEGIN_NS + k as i64 * 10 * MS);
-        let data =
-            bag::cdr::encode(&GovernorCommand { header: Header { frame_id: "plant".into(), ..stamp }, opening: 0.3 });
+        let data = govtwin_bag::cdr::encode(&GovernorCommand {
+            header: Header { frame_id: "plant".into(), ..stamp },
+            opening: 0.3,
+        });
         bag.entries.push(Entry { data: data.unwrap(), ..entry });
     }
     let health = read(&bag);
@@ -133,12 +135,15 @@ fn senders_that_the_recorder_saw_are_noted() {
     let (folder, path) = plant(5, |_, _| {}).file(WriteOptions::new());
     let mut writer = Writer::create(&folder.path().join("two"), WriterOptions::default()).unwrap();
     let mut topic = None;
-    for message in bag::messages(&path).unwrap() {
+    for message in govtwin_bag::messages(&path).unwrap() {
         let mut message = message.unwrap();
         if message.topic.name == "/governor/command" {
             let topic = topic.get_or_insert_with(|| {
-                let one = bag::Qos::DEFAULT.to_yaml();
-                Arc::new(bag::TopicInfo { offered_qos_profiles: format!("{one}\n{one}"), ..(*message.topic).clone() })
+                let one = govtwin_bag::Qos::DEFAULT.to_yaml();
+                Arc::new(govtwin_bag::TopicInfo {
+                    offered_qos_profiles: format!("{one}\n{one}"),
+                    ..(*message.topic).clone()
+                })
             });
             message.topic = Arc::clone(topic);
         }
@@ -259,7 +264,7 @@ fn files_without_checksums_or_counts_are_noted() {
     let bag = plant(5, |_, _| {});
     let notes = |options| {
         let (_folder, path) = in_file(&bag.bytes(options));
-        let survey = bag::survey(&path).unwrap();
+        let survey = govtwin_bag::survey(&path).unwrap();
         assert_eq!(survey.warnings, []);
         survey.notes.into_iter().map(|note| note.what).collect::<Vec<_>>()
     };

@@ -1,7 +1,7 @@
 //! What a sound bag is turned into, however it is stored.
 
-use govtwin::bag::{self, BagError, Interpolation, ReadOptions, Stream, Warning};
-use govtwin::frame::EsvState;
+use govtwin_bag::{BagError, Interpolation, ReadOptions, Stream, Warning};
+use govtwin_model::frame::EsvState;
 use mcap::{Compression, WriteOptions};
 
 use crate::make::{BEGIN_NS, Bag, MS, read_both_ways, small_chunks};
@@ -29,7 +29,7 @@ fn every_way_to_store_gives_the_same_recording() {
         assert!(loaded.health.is_clean(), "{name}: {:?}", loaded.health.warnings);
         // NaN is unequal to itself; its text is not.
         assert_eq!(format!("{:?}", loaded.recording), format!("{:?}", whole.recording), "{name}");
-        let raw: Vec<_> = bag::messages(&path).unwrap().map(|message| message.unwrap().data).collect();
+        let raw: Vec<_> = govtwin_bag::messages(&path).unwrap().map(|message| message.unwrap().data).collect();
         let mut entries = bag.entries.clone();
         entries.sort_by_key(|entry| entry.log_ns);
         assert_eq!(raw, entries.into_iter().map(|entry| entry.data).collect::<Vec<_>>(), "{name}");
@@ -43,7 +43,7 @@ fn raw_messages_come_in_log_time_order_across_overlapping_chunks() {
     let half = bag.entries.len() / 2;
     bag.entries.rotate_left(half);
     let (_folder, path) = bag.file(small_chunks());
-    let messages = bag::messages(&path).unwrap();
+    let messages = govtwin_bag::messages(&path).unwrap();
     assert_eq!(messages.topics().len(), 4);
     let raw: Vec<_> = messages.map(Result::unwrap).collect();
     assert_eq!(raw.len(), bag.entries.len());

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use govtwin::bag::{self, Qos, RawMessage, Writer, WriterOptions};
-use govtwin::msg::EsvState;
+use govtwin_bag::msg::EsvState;
+use govtwin_bag::{Qos, RawMessage, Writer, WriterOptions};
 use mcap::WriteOptions;
 use mcap::records::op;
 
@@ -20,7 +20,7 @@ fn text(bytes: &[u8]) -> String {
 }
 
 fn all(path: &Path) -> Vec<RawMessage> {
-    bag::messages(path).unwrap().map(Result::unwrap).collect()
+    govtwin_bag::messages(path).unwrap().map(Result::unwrap).collect()
 }
 
 #[test]
@@ -34,7 +34,7 @@ fn every_message_that_can_be_read_stands_in_a_new_bag_and_the_old_one_as_it_was(
     assert_eq!(all(&new), all(&path));
     assert!(all(&new).len() > 2000, "{}", all(&new).len());
     assert_eq!(fs::read(&path).unwrap(), cut);
-    let survey = bag::survey(&new).unwrap();
+    let survey = govtwin_bag::survey(&new).unwrap();
     assert_eq!((survey.warnings, survey.notes), (vec![], vec![]), "whole, checked, counted");
     for words in ["messages saved; ", "bytes could not be read", "bag_recovered"] {
         assert!(text(&run.stdout).contains(words), "{}", text(&run.stdout));
@@ -157,7 +157,7 @@ fn the_doctor_finds_what_metadata_counts_otherwise_and_all_shipped_bags_sound() 
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path().join("run");
     let (_source, source) = Bag::standard(2).file(WriteOptions::new());
-    bag::recover(&source, &place).unwrap();
+    govtwin_bag::recover(&source, &place).unwrap();
     let yaml = place.join("metadata.yaml");
     let words = fs::read_to_string(&yaml).unwrap();
     // The first of the counts is that of the bag, the second that of a topic.

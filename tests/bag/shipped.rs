@@ -2,9 +2,9 @@
 
 use std::fs;
 
-use govtwin::bag::{self, ReadOptions};
-use govtwin::digest::sha256;
-use govtwin::recording::Process;
+use govtwin_bag::ReadOptions;
+use govtwin_files::digest::sha256;
+use govtwin_model::recording::Process;
 
 use crate::make::{All, read_both_ways, shipped};
 
@@ -59,7 +59,7 @@ fn reference_recordings_have_every_row_and_their_process() {
 fn sound_recordings_are_read_row_by_row() {
     for name in ["reference/startup_02.mcap", "practice/case_03/shutdown.mcap", "sealed/case_11/load_increase.mcap"] {
         let mut all = All::default();
-        bag::read_rows(&shipped(name), &ReadOptions::default(), &mut all).unwrap();
+        govtwin_bag::read_rows(&shipped(name), &ReadOptions::default(), &mut all).unwrap();
         assert!(!all.restarted && all.frames.len() > 100, "{name}");
     }
 }

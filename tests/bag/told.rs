@@ -155,7 +155,7 @@ fn a_real_pause_is_no_jump_of_time() {
     bag.entries.retain(|entry| entry.topic != "/governor/esv");
     for second in 0..12 {
         let later_ns = if second < 5 { 0 } else { 1_200_000 * MS };
-        bag.esv(BEGIN_NS + second * 1000 * MS + later_ns, govtwin::msg::EsvState::NORMAL);
+        bag.esv(BEGIN_NS + second * 1000 * MS + later_ns, govtwin_bag::msg::EsvState::NORMAL);
     }
     bag.entries.sort_by_key(|entry| entry.log_ns);
     told(&in_order(&bag), &Told::Warned, &["nothing is recorded for 1200.0 s", "(pauses in all: 1)"]);

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use govtwin::bag::{self, BagError, Qos, ReadOptions, Warning, Writer, WriterOptions};
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, JointState, ServoState, type_hash};
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, JointState, ServoState, type_hash};
+use govtwin_bag::{BagError, Qos, ReadOptions, Warning, Writer, WriterOptions};
 
 use crate::make::{BEGIN_NS, Bag, MS, shipped, small_chunks};
 
@@ -52,7 +52,7 @@ fn a_written_bag_reads_back_to_the_bit() {
     write_rows(&mut writer, 0..100);
     assert!(!path.exists());
     assert_eq!(writer.finish().unwrap(), path);
-    let loaded = bag::read(&path, &ReadOptions::default()).unwrap();
+    let loaded = govtwin_bag::read(&path, &ReadOptions::default()).unwrap();
     assert!(loaded.health.is_clean(), "{:?}", loaded.health.warnings);
     assert_eq!(loaded.recording.frames.len(), 100);
     for (step, frame) in (0..).zip(&loaded.recording.frames) {
@@ -87,7 +87,7 @@ fn the_bag_says_what_rosbag2_wants_to_know() {
     assert_eq!(topic["offered_qos_profiles"][0]["durability"], "transient_local");
     assert_eq!(topic["offered_qos_profiles"][0]["reliability"], "reliable");
 
-    let survey = bag::survey(&path).unwrap();
+    let survey = govtwin_bag::survey(&path).unwrap();
     assert_eq!(survey.files[0].profile, "ros2");
     assert_eq!(survey.files[0].metadata, ["rosbag2"]);
     assert_eq!(survey.files[0].compressions, ["zstd"]);
@@ -103,14 +103,14 @@ fn copies_are_equal_in_every_byte_and_time() {
     let folder = tempfile::tempdir().unwrap();
     let mut writer = Writer::create(&folder.path().join("copy"), WriterOptions::default()).unwrap();
     let extra = writer.topic::<ServoState>("/sim/servo_state", Qos::SENSOR).unwrap();
-    for message in bag::messages(&source).unwrap() {
+    for message in govtwin_bag::messages(&source).unwrap() {
         let message = message.unwrap();
         writer.copy(&message).unwrap();
         writer.write(extra, message.log_time_ns, &ServoState::default()).unwrap();
     }
     let path = writer.finish().unwrap();
-    let original: Vec<_> = bag::messages(&source).unwrap().map(Result::unwrap).collect();
-    let copies: Vec<_> = bag::messages(&path).unwrap().map(Result::unwrap).collect();
+    let original: Vec<_> = govtwin_bag::messages(&source).unwrap().map(Result::unwrap).collect();
+    let copies: Vec<_> = govtwin_bag::messages(&path).unwrap().map(Result::unwrap).collect();
     assert_eq!(copies.len(), 2 * original.len());
     let copies: Vec<_> = copies.into_iter().filter(|message| message.topic.name != "/sim/servo_state").collect();
     assert_eq!(copies, original);
@@ -127,7 +127,7 @@ fn after_a_crash_all_that_was_flushed_is_there() {
     // A process that is killed runs no destructor.
     std::mem::forget(writer);
     assert_eq!(names_in(folder.path()), [".govtwin-run.lock", ".run.unfinished"]);
-    let loaded = bag::read(&folder.path().join(".run.unfinished"), &ReadOptions::default()).unwrap();
+    let loaded = govtwin_bag::read(&folder.path().join(".run.unfinished"), &ReadOptions::default()).unwrap();
     assert!(loaded.recording.frames.len() >= 500, "{}", loaded.recording.frames.len());
     assert!(matches!(&loaded.health.warnings[..], [Warning::Damaged { .. }]), "{:?}", loaded.health.warnings);
     // The next recording of that name does not run over it; this process, which lives on, still holds it.
@@ -147,7 +147,7 @@ fn what_is_given_up_leaves_nothing_unless_it_is_to_be_kept() {
     let mut writer = Writer::create(&path, options).unwrap();
     write_rows(&mut writer, 0..50);
     drop(writer);
-    let loaded = bag::read(&folder.path().join(".run.unfinished"), &ReadOptions::default()).unwrap();
+    let loaded = govtwin_bag::read(&folder.path().join(".run.unfinished"), &ReadOptions::default()).unwrap();
     assert_eq!(loaded.recording.frames.len(), 50);
 }
 
@@ -160,7 +160,7 @@ fn only_bags_are_replaced_and_only_when_asked() {
         let mut writer = Writer::create(&path, replace).unwrap();
         write_rows(&mut writer, 0..steps);
         writer.finish().unwrap();
-        assert_eq!(bag::read(&path, &ReadOptions::default()).unwrap().recording.frames.len(), steps as usize);
+        assert_eq!(govtwin_bag::read(&path, &ReadOptions::default()).unwrap().recording.frames.len(), steps as usize);
     }
     assert_eq!(names_in(folder.path()), ["run"]);
     assert!(matches!(Writer::create(&path, WriterOptions::default()), Err(BagError::InTheWay { .. })));
@@ -204,7 +204,7 @@ fn what_appeared_while_a_bag_was_written_stays_and_so_does_the_bag() {
                 matches!(error, BagError::PlaceTaken { .. }) && error.to_string().contains(".run.unfinished"),
                 "{error}"
             );
-            assert_eq!(bag::read(&kept, &ReadOptions::default()).unwrap().recording.frames.len(), 50);
+            assert_eq!(govtwin_bag::read(&kept, &ReadOptions::default()).unwrap().recording.frames.len(), 50);
         } else {
             assert!(matches!(error, BagError::InTheWay { .. }), "{error}");
             assert!(!kept.exists(), "what can be made again leaves nothing");
@@ -223,10 +223,10 @@ fn foreign_topics_without_schema_are_copied_as_well() {
     let (_source, source) = bag.file(small_chunks());
     let folder = tempfile::tempdir().unwrap();
     let mut writer = Writer::create(&folder.path().join("copy"), WriterOptions::default()).unwrap();
-    for message in bag::messages(&source).unwrap() {
+    for message in govtwin_bag::messages(&source).unwrap() {
         writer.copy(&message.unwrap()).unwrap();
     }
     let copy = writer.finish().unwrap();
-    let all = |path: &Path| bag::messages(path).unwrap().map(Result::unwrap).collect::<Vec<_>>();
+    let all = |path: &Path| govtwin_bag::messages(path).unwrap().map(Result::unwrap).collect::<Vec<_>>();
     assert_eq!(all(&copy), all(&source));
 }

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use govtwin::bag::{self, Qos, TopicInfo, Writer, WriterOptions};
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, ServoState};
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, ServoState};
+use govtwin_bag::{Qos, TopicInfo, Writer, WriterOptions};
 
 /// Stamp of the first row, ns.
 pub const BEGIN_NS: i64 = 1_700_000_000_000_000_000;
@@ -93,7 +93,7 @@ pub fn with_wrong_type(dir: &Path) -> PathBuf {
 pub fn in_namespace(dir: &Path, name: &str, namespace: &str, source: &Path) -> PathBuf {
     let path = dir.join(name);
     let mut writer = Writer::create(&path, WriterOptions::default()).unwrap();
-    for message in bag::messages(source).unwrap() {
+    for message in govtwin_bag::messages(source).unwrap() {
         let mut message = message.unwrap();
         let topic = TopicInfo { name: format!("{namespace}{}", message.topic.name), ..(*message.topic).clone() };
         message.topic = Arc::new(topic);

@@ -1,11 +1,11 @@
 //! The bench on which effects are tried: one manoeuvre through all four processes, the unit, and how far runs differ.
 
-use govtwin::effects::EffectSpec;
-use govtwin::frame::{Estimate, EsvState, Frame, Inputs, Signals};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::recording::Recording;
-use govtwin::replay;
-use govtwin::twin::{Cut, Twin};
+use govtwin_model::effects::EffectSpec;
+use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::recording::Recording;
+use govtwin_model::replay;
+use govtwin_model::twin::{Cut, Twin};
 
 /// Time in s, command in pu and ESV where a straight line ends.
 type Corner = (f64, f64, EsvState);
@@ -62,7 +62,7 @@ pub fn recording() -> Recording {
 
 /// The shipped unit with effects.
 pub fn with(effects: &[EffectSetting]) -> Unit {
-    Unit { effects: effects.to_vec(), ..govtwin::params::reference() }
+    Unit { effects: effects.to_vec(), ..govtwin_model::params::reference() }
 }
 
 /// The manoeuvre through a unit with effects.

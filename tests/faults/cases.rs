@@ -316,7 +316,7 @@ pub fn govtwin(root: &Path, arguments: &[&str]) {
 
 /// What is typed, `WITHOUT` standing for all effects but one, so that a diagnosis is quick.
 pub fn words(root: &Path, arguments: &[&str]) -> Vec<String> {
-    let others = || govtwin::effects::CATALOGUE.iter().map(|spec| spec.id).filter(|id| *id != "port_overlap");
+    let others = || govtwin_model::effects::CATALOGUE.iter().map(|spec| spec.id).filter(|id| *id != "port_overlap");
     let mut words = vec![];
     for word in arguments {
         match *word {
@@ -352,7 +352,7 @@ fn fleet(root: &Path) {
     recordings(root);
     fs::create_dir_all(root.join("units/one")).unwrap();
     fs::rename(root.join("new/run"), root.join("units/one/run")).unwrap();
-    let others = govtwin::effects::CATALOGUE.iter().map(|spec| spec.id).filter(|id| *id != "port_overlap");
+    let others = govtwin_model::effects::CATALOGUE.iter().map(|spec| spec.id).filter(|id| *id != "port_overlap");
     let without = others.collect::<Vec<_>>().join(" ");
     fs::write(root.join("units.csv"), format!("unit,sheet,without\none,sheet.yaml,{without}\n")).unwrap();
 }

@@ -1,15 +1,13 @@
 //! `govtwin record` and `govtwin run --bag`: what they hear differs from run to run, so that each trial is judged by itself and not by a run
 //! without a fault.
 
+use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
-
-use govtwin::bag;
-use serde_json::Value;
 
 use crate::trace::{self, Fault, Kind, Traced};
 use crate::{is_hidden, tree};
@@ -120,7 +118,7 @@ fn beside(writer: Writer, root: &Path) -> (Vec<String>, usize) {
 
 /// What is wrong with the bag, where there is one; one that ended before anything was heard has no message.
 fn wrong(root: &Path, may_be_empty: bool) -> Option<String> {
-    let survey = match bag::survey(&root.join("run")) {
+    let survey = match govtwin_bag::survey(&root.join("run")) {
         Ok(survey) => survey,
         Err(error) => return Some(error.to_string()),
     };
@@ -157,9 +155,9 @@ fn judge(writer: Writer, root: &Path, told: Option<(&Traced, Kind)>) -> Vec<Stri
         let mut recover = Command::new(env!("CARGO_BIN_EXE_govtwin"));
         let recovered = recover.arg("recover").arg(&out).output().unwrap();
         // What had reached the disk; before the first message, nothing had.
-        let held = bag::survey(&kept).map_or(0, |survey| survey.messages);
+        let held = govtwin_bag::survey(&kept).map_or(0, |survey| survey.messages);
         may_be_empty = held == 0;
-        let saved = bag::survey(&out).map_or(0, |survey| survey.messages);
+        let saved = govtwin_bag::survey(&out).map_or(0, |survey| survey.messages);
         if saved != held {
             let told = String::from_utf8_lossy(&recovered.stderr).into_owned();
             found.push(format!("{saved} of {held} messages that were kept are saved: {told}"));

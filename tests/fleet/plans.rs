@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use govtwin::bag::{self, Writer, WriterOptions};
+use govtwin_bag::{Writer, WriterOptions};
 use serde_json::Value;
 
 use crate::bags::{bag, file_of};
@@ -21,7 +21,7 @@ fn plan(folder: &Path, source: &str, out: &Path, more: &[&str]) -> Output {
 fn stating(from: &Path, to: &Path, unit: &str) {
     let mut writer = Writer::create(to, WriterOptions::default()).unwrap();
     writer.describe("govtwin", BTreeMap::from([("unit".to_owned(), unit.to_owned())])).unwrap();
-    for message in bag::messages(from).unwrap() {
+    for message in govtwin_bag::messages(from).unwrap() {
         writer.copy(&message.unwrap()).unwrap();
     }
     writer.finish().unwrap();

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use govtwin::import::{Import, ImportError, ImportedRow, Map, Target};
+use govtwin_bag::import::{Import, ImportError, ImportedRow, Map, Target};
 use nalgebra::{DMatrix, DVector};
 
 use crate::shipped;

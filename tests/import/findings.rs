@@ -131,7 +131,7 @@ fn resampling_happens_where_the_map_asks_for_it_and_is_said() {
 
 #[test]
 fn constants_and_events_reach_the_rows() {
-    use govtwin::import::Target;
+    use govtwin_bag::import::Target;
     let mut text = "t,y,Ereignis\n".to_owned();
     for k in 0..500 {
         let event = if k == 200 { "SCHNELLSCHLUSS" } else { "" };

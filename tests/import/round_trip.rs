@@ -3,12 +3,12 @@
 use std::fmt::Write as _;
 use std::process::Command;
 
-use govtwin::bag::{self, Loaded, ReadOptions};
-use govtwin::frame::Frame;
+use govtwin_bag::{Loaded, ReadOptions};
+use govtwin_model::frame::Frame;
 
 use crate::{file, shipped};
 
-fn bits(frames: &[Frame]) -> Vec<(i64, [u64; 6], govtwin::frame::EsvState)> {
+fn bits(frames: &[Frame]) -> Vec<(i64, [u64; 6], govtwin_model::frame::EsvState)> {
     let of = |frame: &Frame| {
         let (inputs, measured) = (frame.inputs, frame.measured);
         let values = [
@@ -28,9 +28,9 @@ fn bits(frames: &[Frame]) -> Vec<(i64, [u64; 6], govtwin::frame::EsvState)> {
 /// The recording's messages as lines: a time as text, then command, ESV, pressure, and the four of the servo state.
 fn table(name: &str, separator: char, time: impl Fn(i64) -> String, number: impl Fn(f64) -> String) -> String {
     let mut rows: std::collections::BTreeMap<i64, [Option<f64>; 7]> = Default::default();
-    for message in bag::messages(&shipped(name)).unwrap() {
+    for message in govtwin_bag::messages(&shipped(name)).unwrap() {
         let message = message.unwrap();
-        let reader = bag::FieldReader::new(&message.topic).unwrap();
+        let reader = govtwin_bag::FieldReader::new(&message.topic).unwrap();
         let row = rows.entry(reader.stamp_ns(&message.data).unwrap()).or_default();
         for (field, value) in reader.leaves(&message.data) {
             let fields = [
@@ -42,7 +42,7 @@ fn table(name: &str, separator: char, time: impl Fn(i64) -> String, number: impl
                 "pilot_valve_position",
                 "control_pressure",
             ];
-            if let (Some(place), bag::FieldValue::Number(value)) =
+            if let (Some(place), govtwin_bag::FieldValue::Number(value)) =
                 (fields.iter().position(|known| *known == field), value)
             {
                 row[place] = Some(value).filter(|value| !value.is_nan());
@@ -83,7 +83,7 @@ fn imported(text: &str, map: &str) -> Loaded {
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.code() == Some(0) || said.contains("warning"), "{said}");
-    bag::read(&out, &ReadOptions::default()).unwrap()
+    govtwin_bag::read(&out, &ReadOptions::default()).unwrap()
 }
 
 #[test]
@@ -107,7 +107,7 @@ fn tables_of_every_kind_come_back_to_the_last_bit() {
         }
     };
     for name in ["practice/case_01/shutdown.mcap", "practice/case_02/startup.mcap", "reference/load_increase_01.mcap"] {
-        let original = bag::read(&shipped(name), &ReadOptions::default()).unwrap().recording;
+        let original = govtwin_bag::read(&shipped(name), &ReadOptions::default()).unwrap().recording;
         let plain = |value: f64| format!("{value}");
         let comma = |value: f64| format!("{value:e}").replace('.', ",");
         let seconds = |time_ns: i64| format!("{}.{:09}", time_ns / 1_000_000_000, time_ns % 1_000_000_000);
@@ -164,7 +164,7 @@ fn parquet_comes_back_to_the_last_bit() {
     writer.close().unwrap();
     let (from_parquet, _) = crate::rows(&[path], SIGNALS).unwrap();
     let (from_text, _) = crate::rows_of(&text, SIGNALS).unwrap();
-    let bits = |rows: &[govtwin::import::ImportedRow]| -> Vec<(i64, [u64; 7])> {
+    let bits = |rows: &[govtwin_bag::import::ImportedRow]| -> Vec<(i64, [u64; 7])> {
         rows.iter()
             .map(|row| (row.time_ns, row.values.map(|value| if value.is_nan() { 0 } else { value.to_bits() })))
             .collect()

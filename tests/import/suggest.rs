@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use govtwin::import::suggest::{Suggestion, suggest};
-use govtwin::import::{Map, SignalPlace, Target, map_text};
+use govtwin_bag::import::suggest::{Suggestion, suggest};
+use govtwin_bag::import::{Map, SignalPlace, Target, map_text};
 
 use crate::{file, fixture, shipped};
 
@@ -12,7 +12,8 @@ fn of(path: &Path) -> Suggestion {
 }
 
 fn places(suggestion: &Suggestion) -> Vec<(Target, String)> {
-    let place = |signal: &govtwin::import::SignalMap| (signal.target, signal.place().unwrap_or("constant").to_owned());
+    let place =
+        |signal: &govtwin_bag::import::SignalMap| (signal.target, signal.place().unwrap_or("constant").to_owned());
     suggestion.map.signals.iter().map(place).collect()
 }
 

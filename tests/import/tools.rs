@@ -1,7 +1,7 @@
 //! Files as other tools write them, held against the recording that they were made of.
 
-use govtwin::bag::{self, FieldReader, FieldValue, ReadOptions};
-use govtwin::import::{ImportedRow, Target};
+use govtwin_bag::import::{ImportedRow, Target};
+use govtwin_bag::{FieldReader, FieldValue, ReadOptions};
 
 use crate::{fixture, rows, shipped};
 
@@ -9,7 +9,7 @@ use crate::{fixture, rows, shipped};
 fn truth() -> Vec<(i64, [Option<f64>; 4])> {
     let path = shipped("practice/case_01/load_rejection.mcap");
     let mut found = std::collections::BTreeMap::new();
-    let messages = bag::messages(&path).unwrap();
+    let messages = govtwin_bag::messages(&path).unwrap();
     for message in messages {
         let message = message.unwrap();
         let reader = FieldReader::new(&message.topic).unwrap();
@@ -134,7 +134,7 @@ fn plotjuggler_and_matlab_layouts_are_read() {
     assert_true("matlab_table.csv", &found, 1e-14, 0, &[Target::OpeningCommand, STAGE[0], STAGE[1]]);
 
     let first = truth()[150].0;
-    let start = govtwin::msg::Time::from_nanos(first);
+    let start = govtwin_bag::msg::Time::from_nanos(first);
     assert_eq!((start.sec, start.nanosec), (1_790_100_301, 500_000_000));
     for (name, tolerance) in [("matlab_matrix.csv", 1e-14), ("matlab_ascii.txt", 1e-7)] {
         let matrix = "time: {column: \"#1\", start: \"2026-09-22T18:05:01.5Z\"}\nsignals: {spool_position: \"#2\", servomotor_position: \"#3\"}\n";
@@ -174,10 +174,10 @@ fn names_within_names_and_types_of_a_plant_are_read_by_field_paths() {
     assert!(outcome.warnings.iter().any(|warning| warning.contains("[spindle]") && warning.contains("do not hold it")));
     // Read as a recording of ours it is refused, with the way out.
     let reading = ReadOptions {
-        topics: bag::Topics { servo_state: "/gate".to_owned(), ..Default::default() },
+        topics: govtwin_bag::Topics { servo_state: "/gate".to_owned(), ..Default::default() },
         ..Default::default()
     };
-    let refused = bag::read(&fixture("control.mcap"), &reading).unwrap_err().to_string();
+    let refused = govtwin_bag::read(&fixture("control.mcap"), &reading).unwrap_err().to_string();
     assert!(refused.contains("plant_msgs/msg/GateState") && refused.contains("govtwin import --suggest"), "{refused}");
 }
 
@@ -220,7 +220,7 @@ fn one_value_a_line_is_read_by_its_tags() {
     assert_true("one value a line", &found, 0.0, 0, &ALL);
     // Of such a file no map is proposed, but the way to one is said.
     let (_folder, path) = crate::file("long.csv", &text);
-    let error = govtwin::import::suggest::suggest(&path, &Default::default(), &mut |_| ()).unwrap_err().to_string();
+    let error = govtwin_bag::import::suggest::suggest(&path, &Default::default(), &mut |_| ()).unwrap_err().to_string();
     assert!(error.contains("tag_column: \"Tag\""), "{error}");
 }
 
@@ -232,6 +232,6 @@ fn reading_by_the_shipped_types_needs_no_option() {
                 /plant/servo_state.servomotor_position\n";
     let path = shipped("practice/case_01/load_rejection.mcap");
     let (found, _) = rows(std::slice::from_ref(&path), text).unwrap();
-    let direct = bag::read(&path, &ReadOptions::default()).unwrap().recording;
+    let direct = govtwin_bag::read(&path, &ReadOptions::default()).unwrap().recording;
     assert_eq!(found.len(), direct.frames.len());
 }

@@ -1,13 +1,13 @@
 //! Residuals of many units at once: those of each by itself, whoever else is asked for.
 
-use govtwin::likelihood::noise;
-use govtwin::likelihood::prepared::PreparedRecording;
-use govtwin::likelihood::problem::{Problem, twin_of};
-use govtwin::parameters::Unit;
-use govtwin::params;
-use govtwin::recording::Process;
-use govtwin::signal::Signal;
-use govtwin::twin::Twin;
+use govtwin_diagnosis::likelihood::noise;
+use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
+use govtwin_diagnosis::likelihood::problem::{Problem, twin_of};
+use govtwin_model::parameters::Unit;
+use govtwin_model::params;
+use govtwin_model::recording::Process;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Twin;
 
 use super::{recording, units};
 
@@ -15,7 +15,7 @@ fn problem() -> Problem {
     let mut recordings: Vec<PreparedRecording> =
         [Process::Startup, Process::Shutdown].into_iter().map(recording).collect();
     let mut stage = recordings[0].clone();
-    stage.cut = govtwin::twin::Cut::Spool;
+    stage.cut = govtwin_model::twin::Cut::Spool;
     for signal in Signal::ALL {
         stage.has[signal as usize] = signal == Signal::ServomotorPosition;
     }

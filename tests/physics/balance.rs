@@ -5,10 +5,10 @@
 //! has no mean, so that 1e-6 of the turnover is left. A blow on a stop ends a speed within one step,
 //! and each method has its own way to place it there: up to a step of full flow a blow.
 
-use govtwin::frame::{Estimate, Frame};
-use govtwin::recording::Process;
-use govtwin::solver::Method;
-use govtwin::twin::Twin;
+use govtwin_model::frame::{Estimate, Frame};
+use govtwin_model::recording::Process;
+use govtwin_model::solver::Method;
+use govtwin_model::twin::Twin;
 
 use crate::METHODS;
 use crate::rows::{process, rows, run};
@@ -23,7 +23,7 @@ const STEP_S: f64 = 1.0e-4;
 
 /// A process with a small loop of 0.1 ms.
 fn fine(method: Method, which: Process) -> (Vec<Frame>, Vec<Estimate>) {
-    let mut unit = govtwin::params::reference();
+    let mut unit = govtwin_model::params::reference();
     unit.parameters.regulator.small_loop_period_s = STEP_S;
     let rows = rows(9.0, 100_000, |time_s| process(which, time_s));
     let estimates = run(&Twin::with_method(&unit, method), &rows);

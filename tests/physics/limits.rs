@@ -1,9 +1,9 @@
 //! Limits: whatever comes in, every state stays within its stops and every number is a number.
 
-use govtwin::frame::{Estimate, EsvState, Frame, Inputs, Signals};
-use govtwin::parameters::{ENTRIES, Unit};
-use govtwin::solver::Method;
-use govtwin::twin::{Cut, Twin};
+use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+use govtwin_model::parameters::{ENTRIES, Unit};
+use govtwin_model::solver::Method;
+use govtwin_model::twin::{Cut, Twin};
 use proptest::prelude::{Just, ProptestConfig, Strategy, TestCaseError, prop};
 use proptest::sample::select;
 use proptest::{prop_assert, prop_assert_eq, prop_oneof, proptest};
@@ -79,7 +79,7 @@ proptest! {
     fn nothing_leaves_its_limits(
         rows in frames(), method in select(METHODS.to_vec()), cut in select(vec![Cut::None, Cut::Servomotor, Cut::Spool]),
     ) {
-        let unit = govtwin::params::reference();
+        let unit = govtwin_model::params::reference();
         let mut twin = Twin::with_method(&unit, method).with_cut(cut);
         for row in &rows {
             let estimate = twin.step(row);
@@ -91,7 +91,7 @@ proptest! {
     /// Units drawn from twice and half the sheet's values, one by one.
     #[test]
     fn nor_does_it_in_another_unit(rows in frames(), factors in prop::collection::vec(0.5..2.0, ENTRIES.len())) {
-        let mut unit = govtwin::params::reference();
+        let mut unit = govtwin_model::params::reference();
         for (entry, factor) in ENTRIES.iter().zip(factors) {
             let period = entry.key.ends_with("_period_s");
             let value = (entry.get)(&unit.parameters) * if period { 1.0 } else { factor };

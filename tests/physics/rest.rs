@@ -1,8 +1,8 @@
 //! Rest: at every opening the twin stays where it starts, with no net flow anywhere.
 
-use govtwin::frame::{EsvState, Frame, Inputs, Signals};
-use govtwin::solver::Method;
-use govtwin::twin::Twin;
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::solver::Method;
+use govtwin_model::twin::Twin;
 
 use crate::METHODS;
 use crate::rows::{command, rows, run};
@@ -17,7 +17,7 @@ fn minute(opening_pu: f64, error_pu: f64) -> Vec<Frame> {
 }
 
 fn holds(method: Method, opening_pu: f64, error_pu: f64) {
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
     let estimates = run(&Twin::with_method(&unit, method), &minute(opening_pu, error_pu));
     let first = estimates[0];
     assert_eq!(first.signals.servomotor_position_pu, opening_pu);
@@ -55,7 +55,7 @@ fn every_method_holds_with_an_error_inside_the_dead_band() {
 
 #[test]
 fn a_valve_whose_null_is_off_rests_off_neutral_and_holds() {
-    let mut unit = govtwin::params::reference();
+    let mut unit = govtwin_model::params::reference();
     unit.parameters.regulator.current_reference_pu = 0.01;
     let estimates = run(&Twin::new(&unit), &minute(0.5, 0.0));
     // With no flow the small loop's current is the leak's, so that y = (I_r − u)/K2.
@@ -68,7 +68,7 @@ fn a_valve_whose_null_is_off_rests_off_neutral_and_holds() {
 
 #[test]
 fn the_pilot_passes_the_leak_and_the_forces_balance() {
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
     let first = run(&Twin::new(&unit), &minute(0.4, 0.0))[0];
     let (p_s, p_t, p) = (6.3e6, 0.1e6, first.signals.control_pressure_pa);
     let x = first.signals.spool_position_pu * 0.015;
@@ -82,7 +82,7 @@ fn the_pilot_passes_the_leak_and_the_forces_balance() {
 
 #[test]
 fn a_start_outside_the_dead_band_goes_on_as_measured() {
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
     let mut row = rows(0.0, 1, |_| Inputs { esv: EsvState::Normal, ..command(0.9) })[0];
     row.measured = Signals { servomotor_position_pu: 0.5, spool_position_pu: 0.6, ..Signals::NONE };
     let estimate = run(&Twin::new(&unit), &[row])[0];

@@ -2,7 +2,7 @@
 //!
 //! Numbers are the reference unit's.
 
-use govtwin::frame::{Estimate, EsvState, Inputs};
+use govtwin_model::frame::{Estimate, EsvState, Inputs};
 
 pub const BULK_MODULUS_PA: f64 = 1.0e9;
 pub const RETURN_PA: f64 = 0.1e6;
@@ -90,7 +90,7 @@ pub fn load_n(estimate: &Estimate) -> f64 {
 
 /// Coulomb and viscous friction of the piston, N.
 ///
-/// Below 0.2 mm/s the twin's friction is viscous; see `govtwin::plant::friction`.
+/// Below 0.2 mm/s the twin's friction is viscous; see `govtwin_model::plant::friction`.
 pub fn piston_friction_n(estimate: &Estimate) -> f64 {
     let w = estimate.servomotor_velocity_m_s;
     4.0e4 * (w / 2.0e-4).clamp(-1.0, 1.0) + 4.0e5 * w

@@ -1,10 +1,10 @@
 //! How fast things move: the spool's stroke, the ESV's trip, the servomotor's closing time.
 
-use govtwin::frame::{Estimate, EsvState, Frame, Inputs, Signals};
-use govtwin::plant::steady::steady;
-use govtwin::plant::{Drive, Plant};
-use govtwin::solver::{Method, Solver};
-use govtwin::twin::Twin;
+use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+use govtwin_model::plant::steady::steady;
+use govtwin_model::plant::{Drive, Plant};
+use govtwin_model::solver::{Method, Solver};
+use govtwin_model::twin::Twin;
 
 use crate::METHODS;
 use crate::rows::{TICK_NS, command, rows, run};
@@ -23,14 +23,14 @@ fn when(estimates: &[Estimate], reached: impl Fn(&Estimate) -> bool) -> f64 {
 }
 
 fn reference(method: Method) -> Twin {
-    Twin::with_method(&govtwin::params::reference(), method)
+    Twin::with_method(&govtwin_model::params::reference(), method)
 }
 
 /// Time from neutral to a stop with the valve's current at a limit throughout, s.
 ///
 /// The small loop eases its current off near the closing nut, so this drives the plant below the regulator.
 fn spool_stroke_s(method: Method, current_pu: f64) -> f64 {
-    let plant = Plant::new(&govtwin::params::reference().parameters);
+    let plant = Plant::new(&govtwin_model::params::reference().parameters);
     let drive =
         Drive { valve_current_pu: current_pu, esv_opening_pu: 1.0, tank_pressure_pa: 6.3e6, ..Drive::default() };
     let mut state = steady(&plant, 0.3, Some(0.0), &drive);
@@ -139,7 +139,7 @@ fn a_drained_chamber_comes_to_the_pressure_of_the_return() {
     for method in METHODS {
         // Whether a stiff step swings between two pressures hangs on where the last one before the stop lands.
         for k in 0..20 {
-            let mut unit = govtwin::params::reference();
+            let mut unit = govtwin_model::params::reference();
             unit.parameters.esv.drain_area_m2 *= 0.9 + 0.01 * f64::from(k);
             let trip = |time_s: f64| Inputs {
                 esv: if time_s >= 0.1 { EsvState::Shutdown } else { EsvState::Normal },

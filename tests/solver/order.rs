@@ -3,17 +3,17 @@
 //! The stretch: spool and piston on their way, off their stops, ports open, no speed within the friction's core, under
 //! a current that holds. The reference is RK4 at 2 µs, whose own error is 1e-4 of the smallest one judged.
 
-use govtwin::plant::steady::steady;
-use govtwin::plant::{Drive, Plant};
-use govtwin::solver::{Method, Solver};
-use govtwin::state::State;
+use govtwin_model::plant::steady::steady;
+use govtwin_model::plant::{Drive, Plant};
+use govtwin_model::solver::{Method, Solver};
+use govtwin_model::state::State;
 
 /// Length of the stretch, s.
 const STRETCH_S: f64 = 0.008;
 
 /// Where a method is after the stretch with steps of a given length, all states in units of their typical size.
 fn end(method: impl Fn(f64) -> Method, step_s: f64) -> [f64; 9] {
-    let plant = Plant::new(&govtwin::params::reference().parameters);
+    let plant = Plant::new(&govtwin_model::params::reference().parameters);
     let mut drive = Drive { esv_opening_pu: 1.0, tank_pressure_pa: 6.3e6, ..Drive::default() };
     let mut state = steady(&plant, 0.3, Some(0.004), &drive);
     // A little off balance, so that everything moves.

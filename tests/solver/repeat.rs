@@ -1,11 +1,11 @@
 //! Repeatability: how rows arrive, clones and restarts change nothing, to the last bit.
 
-use govtwin::effects::CATALOGUE;
-use govtwin::frame::{Estimate, Frame, Signals};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::recording::Process;
-use govtwin::solver::Method;
-use govtwin::twin::{Cut, Twin};
+use govtwin_model::effects::CATALOGUE;
+use govtwin_model::frame::{Estimate, Frame, Signals};
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::recording::Process;
+use govtwin_model::solver::Method;
+use govtwin_model::twin::{Cut, Twin};
 use proptest::prelude::{ProptestConfig, any, prop};
 use proptest::sample::select;
 use proptest::{prop_assert_eq, proptest};
@@ -16,13 +16,13 @@ use crate::rows::{TICK_NS, process, rows, run};
 /// Rows at 20 ms with the positions of an earlier run as measured ones, so that every cut has its input.
 fn recorded(which: Process) -> Vec<Frame> {
     let rows = rows(3.0, 20 * TICK_NS, |time_s| process(which, time_s));
-    let estimates = run(&Twin::new(&govtwin::params::reference()), &rows);
+    let estimates = run(&Twin::new(&govtwin_model::params::reference()), &rows);
     let measured = |estimate: &Estimate| Signals { control_pressure_pa: f64::NAN, ..estimate.signals };
     rows.iter().zip(&estimates).map(|(row, estimate)| Frame { measured: measured(estimate), ..*row }).collect()
 }
 
 fn twin(method: Method, cut: Cut) -> Twin {
-    Twin::with_method(&govtwin::params::reference(), method).with_cut(cut)
+    Twin::with_method(&govtwin_model::params::reference(), method).with_cut(cut)
 }
 
 /// The same, or one with the memory of every effect and with noise inside the loop.
@@ -30,11 +30,11 @@ fn bare_or_full(full: bool, method: Method, cut: Cut) -> Twin {
     if !full {
         return twin(method, cut);
     }
-    let typical = |spec: &govtwin::effects::EffectSpec| EffectSetting {
+    let typical = |spec: &govtwin_model::effects::EffectSpec| EffectSetting {
         id: spec.id.to_owned(),
         values: spec.parameters.iter().map(|parameter| parameter.typical).collect(),
     };
-    let unit = Unit { effects: CATALOGUE.iter().map(typical).collect(), ..govtwin::params::reference() };
+    let unit = Unit { effects: CATALOGUE.iter().map(typical).collect(), ..govtwin_model::params::reference() };
     Twin::with_method(&unit, method).with_cut(cut).with_dither(1.5e-4)
 }
 
@@ -115,7 +115,7 @@ fn rows_at_once_and_rows_from_the_past_advance_nothing() {
 /// The zero-order hold, stated: a command that changes between two ticks acts from the next tick on.
 #[test]
 fn an_input_acts_from_the_first_tick_after_it() {
-    let unit = govtwin::params::reference();
+    let unit = govtwin_model::params::reference();
     let step_at = |time_ns: i64| {
         let mut twin = Twin::new(&unit);
         let still = rows(0.0, TICK_NS, |_| crate::rows::command(0.3))[0];

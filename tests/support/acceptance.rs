@@ -1,13 +1,13 @@
 //! Generated units and their recordings for acceptance measures, and what the true unit measures without transducers.
 
-use govtwin::acceptance::series::Series;
-use govtwin::acceptance::{Measures, measure};
-use govtwin::generate::{self, Scenario};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::params;
-use govtwin::recording::{Process, Recording};
-use govtwin::replay::simulate;
-use govtwin::twin::Twin;
+use govtwin_diagnosis::acceptance::series::Series;
+use govtwin_diagnosis::acceptance::{Measures, measure};
+use govtwin_diagnosis::generate::{self, Scenario};
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::params;
+use govtwin_model::recording::{Process, Recording};
+use govtwin_model::replay::simulate;
+use govtwin_model::twin::Twin;
 
 pub fn unit(seed: u64, effects: &[(&str, &[f64])]) -> Unit {
     let mut unit = generate::spread(&params::reference(), seed);

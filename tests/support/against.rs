@@ -1,10 +1,10 @@
 //! The default method against the reference method on a recording: how far apart, and whether the dead band decided alike.
 
-use govtwin::frame::{Frame, Signals};
-use govtwin::parameters::Unit;
-use govtwin::recording::Recording;
-use govtwin::solver::Method;
-use govtwin::twin::{Cut, Twin};
+use govtwin_model::frame::{Frame, Signals};
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::solver::Method;
+use govtwin_model::twin::{Cut, Twin};
 
 /// The reference: its own error is below 1e-7 pu.
 pub const REFERENCE: Method = Method::Rk4 { max_step_s: 5.0e-5 };

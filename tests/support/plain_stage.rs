@@ -1,7 +1,7 @@
 //! Synthetic recordings of a stage with none of the twin's equations, and recordings in other units.
 
-use govtwin::frame::{EsvState, Frame, Inputs, Signals};
-use govtwin::recording::Recording;
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::recording::Recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

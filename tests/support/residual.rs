@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use govtwin::parameters::Unit;
-use govtwin::residual::band::Band;
-use govtwin::residual::features;
-use govtwin::residual::forest::Tree;
-use govtwin::residual::guard::Guard;
-use govtwin::residual::model::{Learned, Model, fingerprint};
-use govtwin::residual::row::{Opening, RateOfInputs};
+use govtwin_correction::band::Band;
+use govtwin_correction::features;
+use govtwin_correction::forest::Tree;
+use govtwin_correction::guard::Guard;
+use govtwin_correction::model::{Learned, Model, fingerprint};
+use govtwin_correction::row::{Opening, RateOfInputs};
+use govtwin_model::parameters::Unit;
 
 /// A model of the spool that says +0.01 where the command is above 0.4 pu and −0.01 elsewhere, with a band of ±0.02.
 pub fn model(unit: &Unit) -> Model {

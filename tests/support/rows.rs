@@ -1,8 +1,8 @@
 //! Rows for twins under test: inputs as functions of time, the four processes, and a run through a twin.
 
-use govtwin::frame::{Estimate, EsvState, Frame, Inputs, Signals};
-use govtwin::recording::Process;
-use govtwin::twin::Twin;
+use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+use govtwin_model::recording::Process;
+use govtwin_model::twin::Twin;
 
 /// One millisecond, the small loop's period.
 pub const TICK_NS: i64 = 1_000_000;

@@ -1,9 +1,9 @@
 //! Synthetic recordings of the servomotor stage alone: a script moves the spool, the twin answers, transducers add noise.
 
-use govtwin::frame::{EsvState, Frame, Inputs, Signals};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::recording::Recording;
-use govtwin::twin::{Cut, Twin};
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::recording::Recording;
+use govtwin_model::twin::{Cut, Twin};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -7,7 +7,9 @@ use std::path::Path;
 pub fn write(folder: &Path) {
     let mut sheet = String::new();
     let mut last = "";
-    for (entry, tolerance) in govtwin::parameters::ENTRIES.iter().zip(govtwin::params::reference().tolerances) {
+    for (entry, tolerance) in
+        govtwin_model::parameters::ENTRIES.iter().zip(govtwin_model::params::reference().tolerances)
+    {
         let (section, name) = entry.key.split_once('.').unwrap();
         if tolerance.is_none() || name == "coulomb_friction_n" {
             continue;

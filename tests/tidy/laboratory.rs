@@ -58,8 +58,8 @@ mod tests {
             assert_eq!(of("src/diagnosis/model/search.rs", code), 1, "{code}");
             assert_eq!(of("src/benchmark/score.rs", code), 0, "{code}");
         }
-        assert_eq!(of("src/commands/diagnose.rs", "use govtwin::benchmark::scored::ScoredUnit;"), 1);
-        assert_eq!(of("src/commands/blind/cases.rs", "use govtwin::benchmark::scored::ScoredUnit;"), 0);
+        assert_eq!(of("src/commands/diagnose.rs", "use govtwin_lab::benchmark::scored::ScoredUnit;"), 1);
+        assert_eq!(of("src/commands/blind/cases.rs", "use govtwin_lab::benchmark::scored::ScoredUnit;"), 0);
         for code in ["use crate::report::comparison_table;", "use crate::benchmarks;", "/// [`crate::battery`]"] {
             assert_eq!(of("src/estimation/fit.rs", code), 0, "{code}");
         }

@@ -1,7 +1,7 @@
 //! Units in names: a quantity that is a plain number says its unit where it is used.
 
-use govtwin::effects::CATALOGUE;
-use govtwin::parameters::ENTRIES;
+use govtwin_model::effects::CATALOGUE;
+use govtwin_model::parameters::ENTRIES;
 
 use crate::source::Source;
 

@@ -4,12 +4,12 @@ use std::fs;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use govtwin::msg::{Interface, Time, UnitVerdict};
-use govtwin::node::arguments::Arguments;
-use govtwin::node::bus::Bus;
-use govtwin::node::diagnostics::{DiagnosticArray, DiagnosticStatus, TYPE_NAME};
-use govtwin::node::environment::Environment;
-use govtwin::watch::history::{ProcessEntry, ProcessSize, SCHEMA, courses, write};
+use govtwin_bag::msg::{Interface, Time, UnitVerdict};
+use govtwin_diagnosis::watch::history::{ProcessEntry, ProcessSize, SCHEMA, courses, write};
+use govtwin_node::arguments::Arguments;
+use govtwin_node::bus::Bus;
+use govtwin_node::diagnostics::{DiagnosticArray, DiagnosticStatus, TYPE_NAME};
+use govtwin_node::environment::Environment;
 use serde::{Deserialize, Serialize};
 
 use crate::{generate, tight_sheet};

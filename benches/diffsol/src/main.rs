@@ -11,9 +11,9 @@ use std::rc::Rc;
 use diffsol::{
     NalgebraLU, NalgebraMat, OdeBuilder, OdeEquationsImplicit, OdeSolverMethod, OdeSolverStopReason, Vector,
 };
-use govtwin::plant::rates::{confine, rates};
-use govtwin::plant::{Drive, Plant};
-use govtwin::state::{DIMENSION, State, Vector as StateVector};
+use govtwin_model::plant::rates::{confine, rates};
+use govtwin_model::plant::{Drive, Plant};
+use govtwin_model::state::{DIMENSION, State, Vector as StateVector};
 use rustix::time::{ClockId, clock_gettime};
 
 type Failure = Box<dyn Error>;
@@ -208,7 +208,7 @@ fn main() -> Result<(), Failure> {
         parts.push(Part { start, rows: rows.chunks_exact(4).collect() });
         rest = after;
     }
-    let plant = Rc::new(Plant::new(&govtwin::params::reference().parameters));
+    let plant = Rc::new(Plant::new(&govtwin_model::params::reference().parameters));
     let (mut least_s, mut out, mut counts) = (f64::INFINITY, Vec::new(), (0, 0));
     for _ in 0..repeats.parse::<u32>()?.max(1) {
         let begin_s = processor_s();

@@ -10,7 +10,7 @@ use super::{RecordFile, Scan};
 
 /// A file that may still grow: each read goes on where the last one ended.
 #[derive(Debug)]
-pub(in crate::bag) struct GrowingFile {
+pub(crate) struct GrowingFile {
     scan: Scan,
     at: u64,
     /// How much more chunks may unpack to, bytes.
@@ -19,33 +19,28 @@ pub(in crate::bag) struct GrowingFile {
 
 impl GrowingFile {
     /// Nothing of it was read yet.
-    pub(in crate::bag) fn new(path: &Path) -> Self {
+    pub(crate) fn new(path: &Path) -> Self {
         Self { scan: Scan::of(0, path), at: mcap::MAGIC.len() as u64, unpack_left: chunk::unpack_limit(0) }
     }
 
     /// Where the next read begins: behind the last record that was whole.
-    pub(in crate::bag) fn at(&self) -> u64 {
+    pub(crate) fn at(&self) -> u64 {
         self.at
     }
 
     /// Its topics so far.
-    pub(in crate::bag) fn topics(&self) -> impl Iterator<Item = &TopicInfo> {
+    pub(crate) fn topics(&self) -> impl Iterator<Item = &TopicInfo> {
         self.scan.found.channels.topics().map(|(_, topic)| &**topic)
     }
 
     /// What it has said of itself so far, under a key.
-    pub(in crate::bag) fn about(&self, key: &str) -> Option<&str> {
+    pub(crate) fn about(&self, key: &str) -> Option<&str> {
         self.scan.found.health.about.get(key).map(String::as_str)
     }
 
     /// Hands on the messages that came since, in file order, and gives the bytes that it read. A record that is not whole waits for the rest
     /// of it; of a file that has ended what there is of it counts.
-    pub(in crate::bag) fn more(
-        &mut self,
-        path: &Path,
-        ended: bool,
-        on_message: &mut OnMessage<'_>,
-    ) -> Result<u64, BagError> {
+    pub(crate) fn more(&mut self, path: &Path, ended: bool, on_message: &mut OnMessage<'_>) -> Result<u64, BagError> {
         let mut file = RecordFile::open(path).map_err(BagError::io(path, "open"))?;
         let scan = &mut self.scan;
         let more = file.end().saturating_sub(scan.data_end);

@@ -15,7 +15,7 @@ use super::super::topic::OnMessage;
 
 /// Loads segments of a scanned file again.
 #[derive(Debug)]
-pub(in crate::bag) struct Loader {
+pub(crate) struct Loader {
     path: PathBuf,
     file: RecordFile,
     channels: Channels,
@@ -23,13 +23,13 @@ pub(in crate::bag) struct Loader {
 
 impl Loader {
     /// Opens a scanned file.
-    pub(in crate::bag) fn open(path: &Path, channels: Channels) -> Result<Self, BagError> {
+    pub(crate) fn open(path: &Path, channels: Channels) -> Result<Self, BagError> {
         let file = RecordFile::open(path).map_err(BagError::io(path, "open"))?;
         Ok(Self { path: path.to_owned(), file, channels })
     }
 
     /// Hands on the messages of a segment in file order; damage was told by the scan.
-    pub(in crate::bag) fn load(&mut self, segment: &Segment, on_message: &mut OnMessage<'_>) -> Result<(), BagError> {
+    pub(crate) fn load(&mut self, segment: &Segment, on_message: &mut OnMessage<'_>) -> Result<(), BagError> {
         self.walk(segment, on_message).map_err(BagError::io(&self.path, "read"))
     }
 

@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use anyhow::bail;
-use govtwin::acceptance::counterfactual::SizeKnowledge;
-use govtwin::diagnosis::result::{Blame, Verdict};
-use govtwin::diagnosis::{DiagnosisSettings, diagnose};
-use govtwin::effects::find_in;
-use govtwin::parameters::Unit;
-use govtwin::params;
-use govtwin::provenance::Provenance;
-use govtwin::recording::Recording;
+use govtwin_diagnosis::acceptance::counterfactual::SizeKnowledge;
+use govtwin_diagnosis::result::{Blame, Verdict};
+use govtwin_diagnosis::{DiagnosisSettings, diagnose};
+use govtwin_model::effects::find_in;
+use govtwin_model::parameters::Unit;
+use govtwin_model::params;
+use govtwin_model::provenance::Provenance;
+use govtwin_model::recording::Recording;
 
 use crate::commands::output::Progress;
 use crate::commands::report_file;

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::bail;
-use govtwin::bag::{self, BagError, Health, Positions, ReadOptions, Rows};
-use govtwin::frame::Frame;
-use govtwin::recording::Recording;
-use govtwin::watch::excerpt::{Excerpts, FoundProcess, MOST_ROWS, WHOLE_S, choose};
+use govtwin_bag::{BagError, Health, Positions, ReadOptions, Rows};
+use govtwin_diagnosis::watch::excerpt::{Excerpts, FoundProcess, MOST_ROWS, WHOLE_S, choose};
+use govtwin_model::frame::Frame;
+use govtwin_model::recording::Recording;
 use rayon::prelude::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use super::Bag;
@@ -85,12 +85,12 @@ struct LookedThrough {
 fn looked_through(bag: &Bag, options: &ReadOptions) -> Result<LookedThrough, BagError> {
     let stroke = (options.positions != Positions::AnyUnit).then_some(1.0);
     let mut taking = Taking(Excerpts::new(stroke));
-    let mut health = bag::read_rows(&bag.path, options, &mut taking)?;
+    let mut health = govtwin_bag::read_rows(&bag.path, options, &mut taking)?;
     taking.0.end();
     let stroke = stroke.or(taking.0.stroke());
     if taking.0.is_long() && options.positions == Positions::AnyUnit && stroke.is_some() {
         taking = Taking(Excerpts::new(stroke));
-        health = bag::read_rows(&bag.path, options, &mut taking)?;
+        health = govtwin_bag::read_rows(&bag.path, options, &mut taking)?;
         taking.0.end();
     }
     Ok(LookedThrough { excerpts: taking.0, health, stroke })
@@ -141,7 +141,7 @@ impl LookedThrough {
             return Ok(Taken { recordings, health, excerpt });
         }
         let mut taking = Taking(Excerpts::of(stroke, chosen.clone()));
-        let health = bag::read_rows(&bag.path, options, &mut taking).map_err(|error| error.to_string())?;
+        let health = govtwin_bag::read_rows(&bag.path, options, &mut taking).map_err(|error| error.to_string())?;
         taking.0.end();
         let changed = || format!("{}: changed while it was read; try again once it is whole", bag.path.display());
         let recordings = taking.0.into_chosen(&bag.name, chosen).ok_or_else(changed)?;

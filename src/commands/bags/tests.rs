@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use govtwin::bag::Topics;
-use govtwin::generate::{self, Scenario};
-use govtwin::params;
-use govtwin::recording::Process;
+use govtwin_bag::Topics;
+use govtwin_diagnosis::generate::{self, Scenario};
+use govtwin_model::params;
+use govtwin_model::recording::Process;
 
 use super::{find, read};
 use crate::commands::generate::write;

@@ -4,15 +4,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::bag::Topics;
-use govtwin::battery::plan::{BatteryRates, plan};
-use govtwin::battery::{self, Case as Plan, CaseKind, Label};
-use govtwin::benchmark::validation;
-use govtwin::digest::sha256;
-use govtwin::files::{Claim, read_text, write_new};
-use govtwin::parameters::Unit;
-use govtwin::params::{self, labels};
-use govtwin::recording::Process;
+use govtwin_bag::Topics;
+use govtwin_files::digest::sha256;
+use govtwin_files::{Claim, read_text, write_new};
+use govtwin_lab::battery::plan::{BatteryRates, plan};
+use govtwin_lab::battery::{self, Case as Plan, CaseKind, Label};
+use govtwin_lab::benchmark::validation;
+use govtwin_lab::labels;
+use govtwin_model::parameters::Unit;
+use govtwin_model::params;
+use govtwin_model::recording::Process;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use super::cases::UnitFolder;

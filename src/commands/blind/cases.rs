@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::effects::{EffectSpec, of_the_chain};
-use govtwin::likelihood::qualification::qualify_all;
-use govtwin::parameters::Unit;
-use govtwin::recording::Recording;
-use govtwin::twin::Cut;
+use govtwin_diagnosis::likelihood::qualification::qualify_all;
+use govtwin_model::effects::{EffectSpec, of_the_chain};
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::twin::Cut;
 
 use crate::commands::bags::{self, Bag, TopicArgs};
 
@@ -81,7 +81,7 @@ mod tests {
         std::fs::write(dir.path().join("torn.mcap"), "no bag").unwrap();
         let case =
             UnitFolder { name: String::new(), dir: dir.path().to_owned(), topics: TopicArgs::default(), without: None };
-        let sheet = govtwin::params::reference();
+        let sheet = govtwin_model::params::reference();
         let found = case.recordings(&sheet).unwrap();
         let read = bags::read(&[dir.path().to_owned()], &case.topics.topics(), &sheet).unwrap().recordings;
         assert_eq!(found.len(), 2, "what cannot be read is left out");

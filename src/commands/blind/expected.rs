@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::bail;
-use govtwin::parameters::Unit;
-use govtwin::params::{Sheet, unit_digest};
-use govtwin::provenance::{FileUsed, Provenance, RecordingGiven};
+use govtwin_model::parameters::Unit;
+use govtwin_model::params::{Sheet, unit_digest};
+use govtwin_model::provenance::{FileUsed, Provenance, RecordingGiven};
 
 use super::cases::UnitFolder;
 use crate::commands::{provenance, report_file};

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail};
-use govtwin::baselines::ground::Ground;
-use govtwin::baselines::{BASELINES, Baseline};
-use govtwin::diagnosis::result::schema::DiagnosisReport;
-use govtwin::params::Sheet;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_lab::baselines::ground::Ground;
+use govtwin_lab::baselines::{BASELINES, Baseline};
+use govtwin_model::params::Sheet;
 
 use super::cases::UnitFolder;
 use super::expected::ExpectedDigests;

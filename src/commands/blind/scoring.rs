@@ -1,22 +1,25 @@
 //! The scorer: opens the labels, reads the reports back, writes score and page.
 
+use govtwin_lab::benchmark::scored_report::ScoredReport as _;
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context;
-use govtwin::battery::Label;
-use govtwin::benchmark::isolability::{self, Sized};
-use govtwin::benchmark::page::{self, measures_table};
-use govtwin::benchmark::score::{Misses, Score, ScoredMeasure, score};
-use govtwin::benchmark::scored::{MissedBy, ScoredUnit};
-use govtwin::benchmark::statistics::Measured;
-use govtwin::diagnosis::result::Blame;
-use govtwin::diagnosis::result::schema::DiagnosisReport;
-use govtwin::effects::Stage;
-use govtwin::params::{self, labels};
-use govtwin::provenance::Provenance;
-use govtwin::report::page::PageBody;
-use govtwin::report::table::{Table, significant};
+use govtwin_diagnosis::result::Blame;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_lab::battery::Label;
+use govtwin_lab::benchmark::isolability::{self, Sized};
+use govtwin_lab::benchmark::page::{self, measures_table};
+use govtwin_lab::benchmark::score::{Misses, Score, ScoredMeasure, score};
+use govtwin_lab::benchmark::scored::{MissedBy, ScoredUnit};
+use govtwin_lab::benchmark::statistics::Measured;
+use govtwin_lab::labels;
+use govtwin_model::effects::Stage;
+use govtwin_model::number::significant;
+use govtwin_model::params;
+use govtwin_model::provenance::Provenance;
+use govtwin_pages::page::PageBody;
+use govtwin_pages::table::Table;
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 use serde_json::{Value, json};
 
@@ -30,7 +33,7 @@ pub use crate::commands::report_file::LARGEST_BYTES;
 /// Opens a label file.
 pub fn read_labels(path: &Path) -> anyhow::Result<Vec<Label>> {
     let text =
-        govtwin::files::read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
+        govtwin_files::read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
     labels::read(&text).with_context(|| path.display().to_string())
 }
 

@@ -1,16 +1,16 @@
 //! Who competes in a comparison: for one seed the searches, the models that they find, and what those say of the rows that judge.
 
 use anyhow::Context;
-use govtwin::comparison::Contender;
-use govtwin::comparison::ablation::{Parents, gated, of_data, of_hybrid};
-use govtwin::comparison::contenders::{self, data_only, mechanism, trained};
-use govtwin::comparison::summary::Searched;
-use govtwin::parameters::Unit;
-use govtwin::residual::booster::{Hyperparameters, Objective};
-use govtwin::residual::model::{Learned, Model};
-use govtwin::residual::split::RowSplit;
-use govtwin::residual::table::FeatureTable;
-use govtwin::residual::training::{self, GuardKind};
+use govtwin_correction::booster::{Hyperparameters, Objective};
+use govtwin_correction::model::{Learned, Model};
+use govtwin_correction::split::RowSplit;
+use govtwin_correction::table::FeatureTable;
+use govtwin_correction::training::{self, GuardKind};
+use govtwin_lab::comparison::Contender;
+use govtwin_lab::comparison::ablation::{Parents, gated, of_data, of_hybrid};
+use govtwin_lab::comparison::contenders::{self, data_only, mechanism, trained};
+use govtwin_lab::comparison::summary::Searched;
+use govtwin_model::parameters::Unit;
 
 use crate::commands::learn::{self, SearchJob};
 use crate::commands::output::Progress;

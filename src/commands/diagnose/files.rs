@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::result::schema::DiagnosisReport;
-use govtwin::diagnosis::result::{Diagnosis, Fitted, NEXT_TEST, Verdict};
-use govtwin::files::look_at;
-use govtwin::parameters::Unit;
-use govtwin::params::{self, Overlay};
-use govtwin::provenance::Provenance;
-use govtwin::report::diagnosis as page;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_diagnosis::result::{Diagnosis, Fitted, NEXT_TEST, Verdict};
+use govtwin_files::look_at;
+use govtwin_model::parameters::Unit;
+use govtwin_model::params::{self, Overlay};
+use govtwin_model::provenance::Provenance;
+use govtwin_pages::diagnosis as page;
 
 use super::next_test;
 use crate::commands::output::Output;

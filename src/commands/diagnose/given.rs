@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use govtwin::bag::Topics;
-use govtwin::diagnosis::result::JudgedBy;
-use govtwin::parameters::Unit;
-use govtwin::params;
-use govtwin::provenance::{Provenance, SheetUsed};
-use govtwin::recording::Recording;
-use govtwin::sheet::recorded::fill;
-use govtwin::sheet::{Derived, Plate, derive};
+use govtwin_bag::Topics;
+use govtwin_diagnosis::result::JudgedBy;
+use govtwin_diagnosis::sheet::recorded::fill;
+use govtwin_diagnosis::sheet::{Derived, Plate, derive};
+use govtwin_model::parameters::Unit;
+use govtwin_model::params;
+use govtwin_model::provenance::{Provenance, SheetUsed};
+use govtwin_model::recording::Recording;
 
 use super::files::ASSUMED;
 use crate::commands::bags::{self, Recordings};

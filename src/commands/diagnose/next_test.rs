@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context;
-use govtwin::bag::{InMemory, Qos, Topics};
-use govtwin::diagnosis::result::test_script::TestScript;
-use govtwin::diagnosis::result::{Diagnosis, Experiment};
-use govtwin::frame::EsvState;
-use govtwin::msg;
-use govtwin::parameters::Parameters;
+use govtwin_bag::msg;
+use govtwin_bag::{InMemory, Qos, Topics};
+use govtwin_diagnosis::result::test_script::TestScript;
+use govtwin_diagnosis::result::{Diagnosis, Experiment};
+use govtwin_model::frame::EsvState;
+use govtwin_model::parameters::Parameters;
 
 /// Rows between two messages of ESV and tank pressure where the ESV does not change.
 const SLOW_ROWS: usize = 10;

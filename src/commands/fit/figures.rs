@@ -1,13 +1,14 @@
 //! What a fit says: tables for a terminal, all figures as JSON.
 
-use govtwin::diagnosis::result::StageFigure;
-use govtwin::identification::calibration::{Calibration, CalibrationRow};
-use govtwin::likelihood::problem::Problem;
-use govtwin::parameters::Unit;
-use govtwin::params::{Sheet, quantity_text};
-use govtwin::report::diagnosis::figure_text;
-use govtwin::report::table::{Table, fixed, significant};
-use govtwin::signal::Signal;
+use govtwin_diagnosis::identification::calibration::{Calibration, CalibrationRow};
+use govtwin_diagnosis::likelihood::problem::Problem;
+use govtwin_diagnosis::result::StageFigure;
+use govtwin_model::number::{fixed, significant};
+use govtwin_model::parameters::Unit;
+use govtwin_model::params::{Sheet, quantity_text};
+use govtwin_model::signal::Signal;
+use govtwin_pages::diagnosis::figure_text;
+use govtwin_pages::table::Table;
 use serde_json::{Value, json};
 
 use crate::commands::output::table_text;
@@ -78,7 +79,7 @@ fn all_residuals(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<Si
     for (index, recording) in problem.recordings.iter().enumerate() {
         let [before, after] = [base, &fitted.unit].map(|unit| problem.simulate(unit, index));
         for signal in recording.signals() {
-            let squares = |estimates: &[govtwin::frame::Estimate]| {
+            let squares = |estimates: &[govtwin_model::frame::Estimate]| {
                 let squares = problem.squares(index, signal, estimates).unwrap_or_default();
                 let finite: Vec<f64> = squares.into_iter().filter(|square| square.is_finite()).collect();
                 (finite.len(), (finite.iter().sum::<f64>() / finite.len().max(1) as f64).sqrt())

@@ -3,10 +3,10 @@
 use std::io::{BufRead, Write};
 
 use anyhow::Context;
-use govtwin::estimation::coordinate::{Coordinate, subject_at};
-use govtwin::identification::calibration::Calibration;
-use govtwin::likelihood::problem::Problem;
-use govtwin::parameters::Unit;
+use govtwin_diagnosis::estimation::coordinate::{Coordinate, subject_at};
+use govtwin_diagnosis::identification::calibration::Calibration;
+use govtwin_diagnosis::likelihood::problem::Problem;
+use govtwin_model::parameters::Unit;
 use serde_json::json;
 
 /// First says what was fitted and where; then answers until the input ends.

@@ -1,8 +1,8 @@
 //! Plans as files: where one is, its entries, and which entry the engine that started this process means.
 
 use anyhow::{Context, bail};
-use govtwin::fleet::entry::Entry;
-use govtwin::store::Store;
+use govtwin_diagnosis::fleet::entry::Entry;
+use govtwin_files::store::Store;
 
 use crate::commands::provenance::PROGRAM;
 use crate::commands::usage;

@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::fleet::changes::{Change, Standing};
-use govtwin::fleet::entry::Entry;
-use govtwin::fleet::gathered::{Gathered, Status, gather};
-use govtwin::fleet::page;
-use govtwin::fleet::result::EntryResult as Kept;
-use govtwin::fleet::table;
-use govtwin::fleet::urgency::{Look, look_first};
-use govtwin::params;
-use govtwin::report::table::Table;
-use govtwin::store::Store;
+use govtwin_diagnosis::fleet::changes::{Change, Standing};
+use govtwin_diagnosis::fleet::entry::Entry;
+use govtwin_diagnosis::fleet::gathered::{Gathered, Status, gather};
+use govtwin_diagnosis::fleet::result::EntryResult as Kept;
+use govtwin_diagnosis::fleet::table;
+use govtwin_diagnosis::fleet::urgency::{Look, look_first};
+use govtwin_files::store::Store;
+use govtwin_model::params;
+use govtwin_pages::fleet;
+use govtwin_pages::table::Table;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use serde_json::{Value, json};
 
@@ -223,7 +223,7 @@ impl<'a> All<'a> {
             ),
             ("results of other plans or versions", gathered.superseded.len().to_string()),
         ];
-        let context = page::Context {
+        let context = govtwin_pages::fleet::Context {
             looks: &looks,
             changes: &changes,
             before: before.as_deref(),
@@ -231,7 +231,7 @@ impl<'a> All<'a> {
             to_store: &target.to_store,
             facts: facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         };
-        let page = page::page(gathered, &context)?.to_html();
+        let page = govtwin_pages::fleet::page(gathered, &context)?.to_html();
         Ok(Self { gathered, looks, changes, before, standing, damaged, page, shown: target.shown.clone() })
     }
 
@@ -267,7 +267,7 @@ impl<'a> All<'a> {
         // The file by which changes are told comes last: what is broken off is told again.
         let mut files: Vec<(&str, Vec<u8>)> = vec![("fleet.csv", csv.into_bytes())];
         #[cfg(feature = "parquet")]
-        files.push((PARQUET, govtwin::fleet::parquet_table::bytes(&lines)?));
+        files.push((PARQUET, govtwin_diagnosis::fleet::parquet_table::bytes(&lines)?));
         files.push(("fleet.html", self.page.clone().into_bytes()));
         files.push((JSON, json.as_bytes().to_vec()));
         let Some(mut folder) = target.folder else {

@@ -6,13 +6,13 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{self, Positions, ReadOptions, Stream};
-use govtwin::fleet::entry::BagUsed;
-use govtwin::fleet::plan::{FoundRecording, LeftOut, Reason};
-use govtwin::fleet::units::UnitRow;
-use govtwin::parameters::Unit;
-use govtwin::provenance::FileUsed;
-use govtwin::store::{Object, Store};
+use govtwin_bag::{Positions, ReadOptions, Stream};
+use govtwin_diagnosis::fleet::entry::BagUsed;
+use govtwin_diagnosis::fleet::plan::{FoundRecording, LeftOut, Reason};
+use govtwin_diagnosis::fleet::units::UnitRow;
+use govtwin_files::store::{Object, Store};
+use govtwin_model::parameters::Unit;
+use govtwin_model::provenance::FileUsed;
 
 use super::period::Period;
 use crate::commands::bags::MapArgs;
@@ -144,7 +144,7 @@ pub fn look(item: &Item, source: &Store, reading: &Reading) -> anyhow::Result<Re
 }
 
 fn head(path: &Path) -> std::io::Result<Vec<u8>> {
-    govtwin::files::check_regular(path)?;
+    govtwin_files::check_regular(path)?;
     let mut head = Vec::new();
     File::open(path)?.take(SQLITE.len() as u64).read_to_end(&mut head)?;
     Ok(head)
@@ -156,7 +156,7 @@ fn recorded(path: &Path, reading: &Reading) -> anyhow::Result<(i64, Option<Strin
     let bag = mapped.paths.first().context("nothing was imported")?;
     let positions = reading.sheet.map_or(Positions::AnyUnit, |unit| Positions::of(unit.recorded));
     let options = ReadOptions { positions, required: vec![Stream::ServoState], ..ReadOptions::default() };
-    let (survey, overview) = bag::look(bag, &options)?;
+    let (survey, overview) = govtwin_bag::look(bag, &options)?;
     let overview = overview?;
     let first_ns = survey.first_ns.context("no message in it")?;
     Ok((first_ns, overview.health.about(UNIT).map(str::to_owned)))

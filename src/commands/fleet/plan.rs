@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use govtwin::fleet::plan::{LeftOut, Plan, Reason, left_out_csv, plan};
-use govtwin::fleet::units::UnitRow;
-use govtwin::report::table::Table;
-use govtwin::store::Store;
+use govtwin_diagnosis::fleet::plan::{LeftOut, Plan, Reason, left_out_csv, plan};
+use govtwin_diagnosis::fleet::units::UnitRow;
+use govtwin_files::store::Store;
+use govtwin_pages::table::Table;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use serde_json::json;
 
@@ -76,7 +76,7 @@ entry, or a unit has none.";
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for id in &args.without {
-        expect(govtwin::effects::find(id).is_some(), || {
+        expect(govtwin_model::effects::find(id).is_some(), || {
             format!("--without {id}: there is no such effect; `govtwin effects` lists them")
         })?;
     }

@@ -1,10 +1,10 @@
 //! `govtwin fleet run`: one entry of a plan, or all of them.
 
 use anyhow::{Context, bail};
-use govtwin::fleet::changes::word_of;
-use govtwin::fleet::entry::Entry;
-use govtwin::fleet::result::EntryResult as Kept;
-use govtwin::store::Store;
+use govtwin_diagnosis::fleet::changes::word_of;
+use govtwin_diagnosis::fleet::entry::Entry;
+use govtwin_diagnosis::fleet::result::EntryResult as Kept;
+use govtwin_files::store::Store;
 use serde_json::json;
 
 use super::entries::{EntryChoice, PlanFile, wanted};

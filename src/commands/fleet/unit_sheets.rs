@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::digest::sha256;
-use govtwin::files::read_text;
-use govtwin::fleet::entry::Options;
-use govtwin::fleet::plan::How;
-use govtwin::fleet::units::{self, UnitRow};
-use govtwin::import::Map;
-use govtwin::parameters::Unit;
-use govtwin::params::{self, Overlay, nearest};
-use govtwin::provenance::FileUsed;
+use govtwin_bag::import::Map;
+use govtwin_diagnosis::fleet::entry::Options;
+use govtwin_diagnosis::fleet::plan::How;
+use govtwin_diagnosis::fleet::units::{self, UnitRow};
+use govtwin_files::digest::sha256;
+use govtwin_files::read_text;
+use govtwin_model::parameters::Unit;
+use govtwin_model::params::{self, Overlay, nearest};
+use govtwin_model::provenance::FileUsed;
 
 /// More than a table of a million units holds.
 const LARGEST_BYTES: u64 = 1 << 28;
@@ -82,14 +82,14 @@ pub fn read(path: &Path, seed: u64, without: &[String]) -> anyhow::Result<Units>
         let map = file(&row.map, &mut |path| {
             Map::load(path)?;
             let bytes =
-                govtwin::files::read_bytes(path, 1 << 20).with_context(|| format!("cannot read {}", path.display()))?;
+                govtwin_files::read_bytes(path, 1 << 20).with_context(|| format!("cannot read {}", path.display()))?;
             all.maps.insert(row.map.clone(), path.to_owned());
             Ok((format!("maps/{}.yaml", &sha256(&bytes)[..16]), bytes))
         });
         let mut without = [without, &row.without].concat();
         without.sort();
         without.dedup();
-        for id in row.without.iter().filter(|id| govtwin::effects::find(id).is_none()) {
+        for id in row.without.iter().filter(|id| govtwin_model::effects::find(id).is_none()) {
             wrong.push(format!(
                 "line {}: unit `{}`: there is no effect `{id}`; `govtwin effects` lists them",
                 row.line, row.unit

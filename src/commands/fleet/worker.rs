@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use govtwin::digest::sha256;
-use govtwin::fleet::entry::Entry;
-use govtwin::fleet::result::{EntryResult, FoundCause, Work};
-use govtwin::provenance::FileUsed;
-use govtwin::store::Store;
+use govtwin_diagnosis::fleet::entry::Entry;
+use govtwin_diagnosis::fleet::result::{EntryResult, FoundCause, Work};
+use govtwin_files::digest::sha256;
+use govtwin_files::store::Store;
+use govtwin_model::provenance::FileUsed;
 
 use crate::commands::diagnose::{self, Diagnosed, NAMES, Request};
 use crate::commands::provenance::{self, PROGRAM};

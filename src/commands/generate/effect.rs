@@ -1,9 +1,9 @@
 //! Effects as a command line names them: `ID=VALUE[,VALUE…]` or `ID.parameter=VALUE`.
 
 use anyhow::bail;
-use govtwin::effects::{CATALOGUE, EffectParameter, EffectSpec, find_in};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::params::{nearest, number_text, quantity_text};
+use govtwin_model::effects::{CATALOGUE, EffectParameter, EffectSpec, find_in};
+use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::params::{nearest, number_text, quantity_text};
 
 use crate::commands::usage;
 
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     fn read(arguments: &[&str]) -> anyhow::Result<Vec<EffectSetting>> {
-        let mut unit = govtwin::params::reference();
+        let mut unit = govtwin_model::params::reference();
         add(&arguments.iter().map(|argument| (*argument).to_owned()).collect::<Vec<_>>(), &mut unit)?;
         Ok(unit.effects)
     }

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{self, Qos, Sealed, Topic, Topics, Writer, WriterOptions};
-use govtwin::import::{Import, ImportError, ImportOutcome, ImportedRow, Map, RowMessages, map_text};
-use govtwin::msg;
+use govtwin_bag::import::{Import, ImportError, ImportOutcome, ImportedRow, Map, RowMessages, map_text};
+use govtwin_bag::msg;
+use govtwin_bag::{Qos, Sealed, Topic, Topics, Writer, WriterOptions};
 
 use super::progress;
 
@@ -27,10 +27,10 @@ pub fn write(files: &[PathBuf], map: &Map, out: &Path, bar: bool) -> anyhow::Res
     let failed = || format!("cannot write {}", out.display());
     let import = Import::open(files, map)?;
     if let Some(parent) = out.parent() {
-        govtwin::files::make_folder(parent).with_context(failed)?;
+        govtwin_files::make_folder(parent).with_context(failed)?;
     }
     let mut bag = Writer::create(out, OPTIONS).with_context(failed)?;
-    bag.describe(bag::GOVTWIN, about(files, map))?;
+    bag.describe(govtwin_bag::GOVTWIN, about(files, map))?;
     let topics = Topics::default();
     let mut streams = BagTopics {
         command: bag.topic(&topics.command, Qos::DEFAULT)?,

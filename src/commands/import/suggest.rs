@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use govtwin::files::{Place, place_of, read_text};
-use govtwin::import::suggest::{SuggestedColumn, Suggestion, suggest};
-use govtwin::import::{Map, SignalMap, map_text};
-use govtwin::report::import::{Guess, ImportView, page};
-use govtwin::report::table::Table;
-use govtwin::units::seconds_from_nanos;
+use govtwin_bag::import::suggest::{SuggestedColumn, Suggestion, suggest};
+use govtwin_bag::import::{Map, SignalMap, map_text};
+use govtwin_files::{Place, place_of, read_text};
+use govtwin_model::units::seconds_from_nanos;
+use govtwin_pages::import::{Guess, ImportView, page};
+use govtwin_pages::table::Table;
 use serde_json::json;
 
 use super::progress;

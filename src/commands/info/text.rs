@@ -1,8 +1,9 @@
 //! The table that `govtwin info` prints.
 
-use govtwin::bag::{FileHealth, TopicSurvey};
-use govtwin::report::table::{Table, fixed, significant};
-use govtwin::units::{NANOS_PER_SECOND, seconds_from_nanos};
+use govtwin_bag::{FileHealth, TopicSurvey};
+use govtwin_model::number::{fixed, significant};
+use govtwin_model::units::{NANOS_PER_SECOND, seconds_from_nanos};
+use govtwin_pages::table::Table;
 
 use super::BagEntry;
 use crate::commands::output::{one_line, table_text};

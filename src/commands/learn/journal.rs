@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use govtwin::digest::Digest;
-use govtwin::residual::table::FeatureTable;
+use govtwin_correction::table::FeatureTable;
+use govtwin_files::digest::Digest;
 
 use crate::commands::output::write_atomically;
 use crate::commands::report_file::text_if_there;

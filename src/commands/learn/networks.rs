@@ -4,12 +4,12 @@ use std::process::Command;
 use std::time::Instant;
 
 use anyhow::Context;
-use govtwin::comparison::Contender;
-use govtwin::comparison::summary::Searched;
-use govtwin::residual::booster::Objective;
-use govtwin::residual::deep::{NetworkKind, SPACE, residuals};
-use govtwin::residual::split::{RowSplit, folds};
-use govtwin::residual::table::FeatureTable;
+use govtwin_correction::booster::Objective;
+use govtwin_correction::deep::{NetworkKind, SPACE, residuals};
+use govtwin_correction::split::{RowSplit, folds};
+use govtwin_correction::table::FeatureTable;
+use govtwin_lab::comparison::Contender;
+use govtwin_lab::comparison::summary::Searched;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::journal::EvaluationJournal;

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use govtwin::bag::{self, Sealed};
-use govtwin::files::remove_stale;
-use govtwin::parameters::Unit;
-use govtwin::replay::Replayed;
-use govtwin::replay::summary::ReplaySummary;
-use govtwin::report::replay::{Pictures, page};
-use govtwin::residual::row::RateOfInputs;
-use govtwin::twin::Twin;
+use govtwin_bag::Sealed;
+use govtwin_correction::row::RateOfInputs;
+use govtwin_diagnosis::replay_summary::ReplaySummary;
+use govtwin_files::remove_stale;
+use govtwin_model::parameters::Unit;
+use govtwin_model::replay::Replayed;
+use govtwin_model::twin::Twin;
+use govtwin_pages::replay::{Pictures, page};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use super::ladder::After;
@@ -62,7 +62,7 @@ fn write_bag(bag: &Bag, dir: &Path, one: &Result, unit: &Unit, args: &Args) -> a
     if let Some(sealed) = rows::write((&bag.path, about), dir, &options, &mut twin, measured, &topics)? {
         return Ok(sealed);
     }
-    let recording = bag::read(&bag.path, &options)?.recording;
+    let recording = govtwin_bag::read(&bag.path, &options)?.recording;
     simulated::write(&bag.path, dir, &Replayed::new(&mut twin, recording), &topics, about)
 }
 

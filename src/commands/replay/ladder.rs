@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use govtwin::parameters::Unit;
-use govtwin::params;
-use govtwin::replay::Replayed;
-use govtwin::replay::ladder::{Ladder, Rung};
-use govtwin::replay::summary::{RecordingSource, ReplaySummary, summarise};
-use govtwin::residual::model::{Model, fingerprint};
-use govtwin::signal::Signal;
-use govtwin::twin::Twin;
+use govtwin_correction::model::{Model, fingerprint};
+use govtwin_diagnosis::replay_summary::{RecordingSource, ReplaySummary, summarise};
+use govtwin_model::parameters::Unit;
+use govtwin_model::params;
+use govtwin_model::replay::Replayed;
+use govtwin_model::replay::ladder::{Ladder, Rung};
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Twin;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::{Args, Result, residual};

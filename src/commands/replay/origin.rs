@@ -5,7 +5,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 use anyhow::Context;
-use govtwin::files::look_at;
+use govtwin_files::look_at;
 
 /// A text file that says it, in the bag's folder or one of those above it.
 const FILE_NAME: &str = "ORIGIN.txt";

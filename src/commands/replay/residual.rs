@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use anyhow::Context;
-use govtwin::parameters::Unit;
-use govtwin::replay::Replayed;
-use govtwin::replay::summary::{RecordingSource, ReplaySummary, Residual, summarise};
-use govtwin::residual::adapt::Adaptation;
-use govtwin::residual::corrector::Corrector;
-use govtwin::residual::guard::GuardCounts;
-use govtwin::residual::model::Model;
-use govtwin::residual::rate;
-use govtwin::residual::row::Opening;
-use govtwin::twin::Cut;
+use govtwin_correction::adapt::Adaptation;
+use govtwin_correction::corrector::Corrector;
+use govtwin_correction::guard::GuardCounts;
+use govtwin_correction::model::Model;
+use govtwin_correction::rate;
+use govtwin_correction::row::Opening;
+use govtwin_diagnosis::replay_summary::{RecordingSource, ReplaySummary, Residual, summarise};
+use govtwin_model::parameters::Unit;
+use govtwin_model::replay::Replayed;
+use govtwin_model::twin::Cut;
 
 use super::Result as Outcome;
 use crate::commands::usage;

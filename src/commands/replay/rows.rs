@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 
-use govtwin::bag::{self, Health, NeedsAll, RawMessage, ReadOptions, Rows, RowsOfMessages, Sealed, Topics, Writer};
-use govtwin::frame::{Estimate, Frame};
-use govtwin::replay::rows::{Replaying, Simulator};
-use govtwin::replay::{Replayed, is_measured};
-use govtwin::twin::Twin;
+use govtwin_bag::{Health, NeedsAll, RawMessage, ReadOptions, Rows, RowsOfMessages, Sealed, Topics, Writer};
+use govtwin_model::frame::{Estimate, Frame};
+use govtwin_model::replay::rows::{Replaying, Simulator};
+use govtwin_model::replay::{Replayed, is_measured};
+use govtwin_model::twin::Twin;
 
 use super::simulated::{TOPIC, begin, lag_of, state};
 
@@ -29,14 +29,14 @@ impl Rows for Running<'_> {
 /// Replays a bag.
 pub fn replay(path: &Path, name: &str, options: &ReadOptions, twin: &mut Twin) -> anyhow::Result<(Replayed, Health)> {
     let mut running = Running(Replaying::new(twin));
-    let health = bag::read_rows(path, options, &mut running)?;
+    let health = govtwin_bag::read_rows(path, options, &mut running)?;
     Ok((running.0.finish(name), health))
 }
 
 /// Estimates and messages on their way into a bag, each where its log time belongs.
 struct ResultBag {
     writer: Writer,
-    topic: bag::Topic<govtwin::msg::ServoState>,
+    topic: govtwin_bag::Topic<govtwin_bag::msg::ServoState>,
     /// How much later than its stamp a message is logged, once one told it, ns.
     lag_ns: Option<i64>,
     estimates: VecDeque<Estimate>,
@@ -96,7 +96,7 @@ pub fn write(
         waiting_bytes: 0,
         done_ns: i64::MIN,
     };
-    for message in bag::messages(source)? {
+    for message in govtwin_bag::messages(source)? {
         let message = message?;
         merge.lag_ns = merge.lag_ns.or_else(|| lag_of(&message, topics));
         let ResultBag { estimates, done_ns, .. } = &mut merge;

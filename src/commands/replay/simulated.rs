@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context;
-use govtwin::bag::{self, BagError, Health, Qos, RawMessage, Sealed, Stream, Topic, Topics, Writer, WriterOptions};
-use govtwin::files::make_folder;
-use govtwin::frame::Estimate;
-use govtwin::msg::{Header, ServoState};
-use govtwin::provenance::RecordingGiven;
-use govtwin::replay::{Replayed, is_measured};
+use govtwin_bag::msg::{Header, ServoState};
+use govtwin_bag::{BagError, Health, Qos, RawMessage, Sealed, Stream, Topic, Topics, Writer, WriterOptions};
+use govtwin_files::make_folder;
+use govtwin_model::frame::Estimate;
+use govtwin_model::provenance::RecordingGiven;
+use govtwin_model::replay::{Replayed, is_measured};
 
 use crate::commands::provenance;
 
@@ -42,7 +42,7 @@ pub fn write(
     let measured = replayed.scores.are_measured();
     let mut estimates =
         recorded.filter(|(frame, _)| !measured || is_measured(frame)).map(|(_, estimate)| estimate).peekable();
-    for message in bag::messages(source)? {
+    for message in govtwin_bag::messages(source)? {
         let message = message?;
         if message.topic.name == TOPIC {
             continue;
@@ -66,10 +66,12 @@ pub fn about(name: &str, health: &Health, marked: &RecordingGiven) -> BTreeMap<S
         ("note".to_owned(), format!("{TOPIC} is simulated; everything else as recorded")),
     ]);
     if marked.synthetic {
-        about.insert(bag::SYNTHETIC.to_owned(), "true".to_owned());
+        about.insert(govtwin_bag::SYNTHETIC.to_owned(), "true".to_owned());
     }
-    about.extend(marked.origin.clone().map(|origin| (bag::ORIGIN.to_owned(), origin)));
-    about.extend(health.about(bag::SIMULATOR).map(|simulator| (bag::SIMULATOR.to_owned(), simulator.to_owned())));
+    about.extend(marked.origin.clone().map(|origin| (govtwin_bag::ORIGIN.to_owned(), origin)));
+    about.extend(
+        health.about(govtwin_bag::SIMULATOR).map(|simulator| (govtwin_bag::SIMULATOR.to_owned(), simulator.to_owned())),
+    );
     about
 }
 
@@ -80,14 +82,14 @@ pub fn begin(dir: &Path, about: &BTreeMap<String, String>) -> anyhow::Result<(Wr
         make_folder(parent).with_context(failed)?;
     }
     let mut writer = Writer::create(dir, OPTIONS)?;
-    writer.describe(bag::GOVTWIN, about.clone())?;
+    writer.describe(govtwin_bag::GOVTWIN, about.clone())?;
     let topic = writer.topic::<ServoState>(TOPIC, Qos::SENSOR)?;
     Ok((writer, topic))
 }
 
 /// How much later than its stamp the first message of the known topics that has one was logged, ns.
 fn lag_ns(source: &Path, topics: &Topics) -> Result<i64, BagError> {
-    for message in bag::messages(source)? {
+    for message in govtwin_bag::messages(source)? {
         if let Some(lag_ns) = lag_of(&message?, topics) {
             return Ok(lag_ns);
         }
@@ -99,7 +101,7 @@ fn lag_ns(source: &Path, topics: &Topics) -> Result<i64, BagError> {
 pub fn lag_of(message: &RawMessage, topics: &Topics) -> Option<i64> {
     Stream::ALL.iter().find(|stream| topics.of(**stream) == message.topic.name)?;
     // All four types begin with their header, which is all that is read here.
-    let header = bag::cdr::decode::<Header>(&message.data).ok()?;
+    let header = govtwin_bag::cdr::decode::<Header>(&message.data).ok()?;
     // A stamp of 0 tells no time.
     let stamp_ns = header.stamp.nanos().filter(|stamp_ns| *stamp_ns != 0)?;
     Some(message.log_time_ns.saturating_sub(stamp_ns))

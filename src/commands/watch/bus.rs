@@ -7,16 +7,16 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context;
-use govtwin::bag::{BagError, RawMessage, ReadOptions, Stream, Topics};
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Interface, ServoState, UnitVerdict};
-use govtwin::node::arguments::Arguments;
-use govtwin::node::bus::Bus;
-use govtwin::node::environment::Environment;
-use govtwin::node::process_recorder::{ProcessRecorder, take_up, waiting};
-use govtwin::node::realtime::wall_ns;
-use govtwin::node::recorder::{Selection, Sink, hear};
-use govtwin::node::translator::Translator;
-use govtwin::node::verdict::{Herald, verdict};
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Interface, ServoState, UnitVerdict};
+use govtwin_bag::{BagError, RawMessage, ReadOptions, Stream, Topics};
+use govtwin_node::arguments::Arguments;
+use govtwin_node::bus::Bus;
+use govtwin_node::environment::Environment;
+use govtwin_node::process_recorder::{ProcessRecorder, take_up, waiting};
+use govtwin_node::realtime::wall_ns;
+use govtwin_node::recorder::{Selection, Sink, hear};
+use govtwin_node::translator::Translator;
+use govtwin_node::verdict::{Herald, verdict};
 
 use super::chronicle::Chronicle;
 use super::follow::{self, Follower};

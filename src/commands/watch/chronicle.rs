@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
-use govtwin::diagnosis::{DiagnosisSettings, diagnose};
-use govtwin::parameters::Unit;
-use govtwin::provenance::RecordingGiven;
-use govtwin::report::table::quantity;
-use govtwin::watch::cut::{CutProcess, Ended};
-use govtwin::watch::history::{self, Course, ProcessEntry, SCHEMA};
-use govtwin::watch::page::{Watched, page};
+use govtwin_diagnosis::watch::cut::{CutProcess, Ended};
+use govtwin_diagnosis::watch::history::{self, Course, ProcessEntry, SCHEMA};
+use govtwin_diagnosis::{DiagnosisSettings, diagnose};
+use govtwin_model::number::quantity;
+use govtwin_model::parameters::Unit;
+use govtwin_model::provenance::RecordingGiven;
+use govtwin_pages::watch::{Watched, page};
 
 use super::NAMES;
 use crate::commands::output::{Output, Progress, print, warn};
@@ -127,7 +127,7 @@ impl Chronicle {
             "sizes": courses.iter().map(state_of).collect::<Vec<_>>(),
             "newest": self.entries.last(),
         });
-        let mut files = govtwin::files::Together::default();
+        let mut files = govtwin_files::Together::default();
         let texts =
             [history::write(&self.entries)?, page(&watched)?.to_html(), serde_json::to_string_pretty(&state)? + "\n"];
         let writing = || format!("cannot write in {}", self.out.display());

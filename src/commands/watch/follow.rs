@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use govtwin::bag::{
+use govtwin_bag::{
     self, BagError, Growing, Grown, Health, Interpolation, Positions, ReadOptions, Rows, Stream, Topics,
 };
-use govtwin::frame::Frame;
-use govtwin::parameters::Unit;
-use govtwin::provenance::RecordingGiven;
-use govtwin::watch::cut::{CutProcess, Cutter};
+use govtwin_diagnosis::watch::cut::{CutProcess, Cutter};
+use govtwin_model::frame::Frame;
+use govtwin_model::parameters::Unit;
+use govtwin_model::provenance::RecordingGiven;
 
 use crate::commands::bags::{self, is_bag_folder};
 use crate::commands::provenance;
@@ -58,7 +58,7 @@ impl KnownBag {
         };
         if grown == Grown::NeedsAll {
             (self.growing, self.cutting) = (None, Cutting::default());
-            self.health = Some(bag::read_rows(path, options, &mut self.cutting)?);
+            self.health = Some(govtwin_bag::read_rows(path, options, &mut self.cutting)?);
         } else if !self.growing.as_ref().is_some_and(Growing::is_measured) {
             return Ok(vec![]);
         }

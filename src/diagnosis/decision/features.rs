@@ -1,8 +1,8 @@
 //! What the features of whole chains and of stages alone share, and how features make probabilities.
 
-use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
-use crate::diagnosis::model::support::SIZE_PRIOR;
+use crate::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::likelihood::noise::log_sum;
+use crate::model::support::SIZE_PRIOR;
 
 /// Logarithm of the odds against each effect by which the best set is chosen whose remainder is looked at.
 pub(crate) const ODDS: f64 = 5.0;

@@ -6,13 +6,13 @@
 
 use std::collections::BTreeMap;
 
-use crate::diagnosis::decision::features::{FARTHEST, FREEDOM, ODDS, by_kind, oddness, score, shares, softmax};
-use crate::diagnosis::decision::stage_alone;
-use crate::diagnosis::decision::weights::{OF_STAGES, Questions, Weights};
-use crate::diagnosis::evidence::parts::PartFit;
-use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
-use crate::effects::{Stage, find};
+use crate::decision::features::{FARTHEST, FREEDOM, ODDS, by_kind, oddness, score, shares, softmax};
+use crate::decision::stage_alone;
+use crate::decision::weights::{OF_STAGES, Questions, Weights};
+use crate::evidence::parts::PartFit;
+use crate::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::likelihood::problem::SOUND_MEAN_SQUARE;
+use govtwin_model::effects::{Stage, find};
 
 /// Spread of the logarithm of χ² between sound units beyond what their number of samples brings: 0.07 of 19 generated ones at 100 Hz.
 const SCATTER: f64 = 0.1;
@@ -209,9 +209,9 @@ fn logistic(log_odds: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::decision::weights::{CHAIN, STAGE_ALONE};
-    use crate::diagnosis::evidence::parts::Part;
-    use crate::diagnosis::hypotheses::table::StageEvidence;
+    use crate::decision::weights::{CHAIN, STAGE_ALONE};
+    use crate::evidence::parts::Part;
+    use crate::hypotheses::table::StageEvidence;
 
     fn row(effects: &[&str], evidence: f64, cost: f64) -> EvidenceRow {
         EvidenceRow {

@@ -3,8 +3,8 @@
 //! Without a loop around it a stage shows its equations' errors as they are, and whoever fits it freely finds effects in them. What was left out of the
 //! fit tells the two apart.
 
-use crate::diagnosis::decision::features::{FARTHEST, FREEDOM, ODDS, by_kind, oddness, score, softmax};
-use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable, StageEvidence};
+use crate::decision::features::{FARTHEST, FREEDOM, ODDS, by_kind, oddness, score, softmax};
+use crate::hypotheses::table::{EvidenceRow, EvidenceTable, StageEvidence};
 
 /// Squares below this are taken for it, pu²: no recording is finer.
 const LEAST_SQUARE: f64 = 1e-12;

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::hypotheses::table::EvidenceTable;
+use crate::hypotheses::table::EvidenceTable;
 
 /// What a weight multiplies, and its value beforehand.
 #[derive(Clone, Copy, Debug)]

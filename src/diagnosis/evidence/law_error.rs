@@ -8,13 +8,13 @@
 
 use nalgebra::DMatrix;
 
-use crate::diagnosis::model::FittedModel;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::recording::Process;
-use crate::signal::Signal;
-use crate::units::seconds_from_nanos;
+use crate::model::FittedModel;
+use govtwin_model::recording::Process;
+use govtwin_model::signal::Signal;
+use govtwin_model::units::seconds_from_nanos;
 
 /// Standard deviations ρ of a law's error at which evidence is tabulated, as shares of what the effect does.
 pub const LAW_ERRORS: [f64; 3] = [1e-3, 0.05, 0.15];

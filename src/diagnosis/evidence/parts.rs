@@ -8,20 +8,20 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::evidence::law_error::LAW_ERRORS;
-use crate::diagnosis::evidence::{KAPPAS, Shared};
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::model::discrepancy::columns;
-use crate::diagnosis::model::support::{Placed, Variant, add};
-use crate::effects::{Stage, find};
 use crate::estimation::fit::{Effort, Start, fit_all};
+use crate::evidence::law_error::LAW_ERRORS;
+use crate::evidence::{KAPPAS, Shared};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, SOUND_MEAN_SQUARE};
-use crate::signal::Signal;
+use crate::model::FittedModel;
+use crate::model::discrepancy::columns;
+use crate::model::support::{Placed, Variant, add};
 use crate::stage_alone::sheetless::{SPOOL_ZERO, acts_behind_the_spool};
-use crate::twin::Cut;
+use govtwin_model::effects::{Stage, find};
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Cut;
 
 /// A part of the chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -183,8 +183,8 @@ fn smooth(recording: &mut PreparedRecording) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::{EsvState, Frame, Inputs, Signals};
-    use crate::recording::Recording;
+    use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+    use govtwin_model::recording::Recording;
 
     /// A quadratic stays what it is; the noise of one sample is spread.
     #[test]

@@ -1,13 +1,13 @@
 //! Candidates for the next test: scripts as the likeliest model of a unit would answer them, at the rates that may be recorded.
 
-use crate::diagnosis::result::test_script::{PERIOD_S, TestScript};
-use crate::frame::{Frame, Signals};
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::parameters::Unit;
-use crate::recording::Recording;
-use crate::twin::Twin;
-use crate::units::{nanos_from_seconds, seconds_from_nanos};
+use crate::result::test_script::{PERIOD_S, TestScript};
+use govtwin_model::frame::{Frame, Signals};
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::twin::Twin;
+use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// A test that competes.
 #[derive(Clone, Debug)]

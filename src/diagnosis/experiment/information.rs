@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnosis::decision::posterior::CountedNats;
+use crate::decision::posterior::CountedNats;
 
 /// What one hypothesis predicts, in coefficients of columns that all hypotheses share.
 #[derive(Clone, Debug)]
@@ -141,8 +141,8 @@ fn divergence(gram: &DMatrix<f64>, from: &Side<'_>, to: &Side<'_>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::decision::weights::CHAIN;
-    use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
+    use crate::decision::weights::CHAIN;
+    use crate::hypotheses::table::{EvidenceRow, EvidenceTable};
 
     /// Two hypotheses of one number: means `apart`, standard deviations of what is not noise.
     fn of_two(apart: f64, deviations: [f64; 2], probability: f64) -> (DMatrix<f64>, [Predicted; 2]) {

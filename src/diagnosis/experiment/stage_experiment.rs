@@ -1,12 +1,12 @@
 //! Tests of the servomotor stage alone that an operator could run next: the spool is moved by hand, by a script, or by its own regulator.
 
-use crate::diagnosis::experiment::candidate_test::Candidate;
-use crate::frame::{EsvState, Frame, Inputs, Signals};
+use crate::experiment::candidate_test::Candidate;
 use crate::likelihood::prepared::PreparedRecording;
-use crate::parameters::Unit;
-use crate::recording::Recording;
-use crate::twin::{Cut, Twin};
-use crate::units::nanos_from_seconds;
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::twin::{Cut, Twin};
+use govtwin_model::units::nanos_from_seconds;
 
 /// A test: words, length in stroke times, spool position in pu at a time in stroke times, first opening.
 struct SpoolCourse {

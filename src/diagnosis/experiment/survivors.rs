@@ -2,19 +2,19 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-use crate::diagnosis::decision::Decision;
-use crate::diagnosis::decision::posterior::Posterior;
-use crate::diagnosis::evidence::UNKNOWN_SIZES;
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::hypotheses::explorer::KAPPA;
-use crate::diagnosis::hypotheses::table::EvidenceTable;
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::model::discrepancy;
-use crate::diagnosis::model::support::SIZE_PRIOR;
-use crate::effects::Stage;
+use crate::decision::Decision;
+use crate::decision::posterior::Posterior;
+use crate::evidence::UNKNOWN_SIZES;
+use crate::hypotheses::Explored;
+use crate::hypotheses::explorer::KAPPA;
+use crate::hypotheses::table::EvidenceTable;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::twin_of;
-use crate::twin::Twin;
+use crate::model::FittedModel;
+use crate::model::discrepancy;
+use crate::model::support::SIZE_PRIOR;
+use govtwin_model::effects::Stage;
+use govtwin_model::twin::Twin;
 
 /// Probability that the survivors hold together, of all.
 const HELD: f64 = 0.99;

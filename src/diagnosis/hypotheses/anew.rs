@@ -3,17 +3,17 @@
 //! Refitted without an effect, a stage may end far from its dead band and zero to make up for what it lacks, and effects that are added there then
 //! stay behind that ridge.
 
-use crate::diagnosis::evidence::Shared;
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::hypotheses::explorer::{Hypothesis, kappa};
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::model::support::{Placed, Variant};
-use crate::effects::EffectSpec;
 use crate::estimation::annealing::annealed;
 use crate::estimation::fit::{Effort, Fit, fit};
+use crate::evidence::Shared;
+use crate::hypotheses::Explored;
+use crate::hypotheses::explorer::{Hypothesis, kappa};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
-use crate::parameters::Unit;
+use crate::model::FittedModel;
+use crate::model::support::{Placed, Variant};
+use govtwin_model::effects::EffectSpec;
+use govtwin_model::parameters::Unit;
 
 /// Sizes from which an effect starts, in typical ones.
 const SIZES: [f64; 2] = [1.0, -1.0];

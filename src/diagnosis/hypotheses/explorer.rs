@@ -8,17 +8,17 @@ use rayon::iter::{
     IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelExtend, ParallelIterator,
 };
 
-use crate::diagnosis::evidence::{KAPPAS, NormalEquations, Shared};
-use crate::diagnosis::hypotheses::linearisation::{Linearisation, Proposal};
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::model::discrepancy::Columns;
-use crate::diagnosis::model::support::{Placed, Variant, add};
-use crate::effects::EffectSpec;
 use crate::estimation::coordinate::Coordinate;
 use crate::estimation::fit::{Effort, Fit, Start, fit_all};
+use crate::evidence::{KAPPAS, NormalEquations, Shared};
+use crate::hypotheses::linearisation::{Linearisation, Proposal};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
-use crate::twin::Cut;
+use crate::model::FittedModel;
+use crate::model::discrepancy::Columns;
+use crate::model::support::{Placed, Variant, add};
+use govtwin_model::effects::EffectSpec;
+use govtwin_model::twin::Cut;
 
 /// Error of equations that proposals and rankings count with, in moderate discrepancy terms.
 pub const KAPPA: f64 = 0.03;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::diagnosis::hypotheses::explorer::{Explorer, Hypothesis, is_stage_alone, leaders};
+use crate::hypotheses::explorer::{Explorer, Hypothesis, is_stage_alone, leaders};
 
 /// Fitted sets so far, by their effects.
 #[derive(Default)]

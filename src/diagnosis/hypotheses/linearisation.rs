@@ -11,13 +11,13 @@ mod hidden;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::model::discrepancy::Columns;
-use crate::diagnosis::model::support::{SIZE_PRIOR, Variant};
-use crate::effects::EffectSpec;
 use crate::estimation::coordinate::{Coordinate, subject_at};
 use crate::estimation::linear::crossed;
 use crate::likelihood::problem::Problem;
+use crate::model::FittedModel;
+use crate::model::discrepancy::Columns;
+use crate::model::support::{SIZE_PRIOR, Variant};
+use govtwin_model::effects::EffectSpec;
 
 /// Sizes at which an effect is simulated, in typical ones; those out of its range are left out.
 const SIZES: [f64; 5] = [0.35, 1.2, 3.0, -0.35, -1.2];

@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::evidence::KAPPAS;
-use crate::diagnosis::evidence::law_error::LAW_ERRORS;
-use crate::diagnosis::evidence::parts::{PartFit, parts};
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::hypotheses::explorer::{Hypothesis, is_stage_alone};
-use crate::effects::{EffectSpec, Stage};
+use crate::evidence::KAPPAS;
+use crate::evidence::law_error::LAW_ERRORS;
+use crate::evidence::parts::{PartFit, parts};
+use crate::hypotheses::Explored;
+use crate::hypotheses::explorer::{Hypothesis, is_stage_alone};
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::Problem;
-use crate::stored::{evidence, evidence_grid, unbounded};
+use govtwin_model::effects::{EffectSpec, Stage};
+use govtwin_model::stored::{evidence, evidence_grid, unbounded};
 
 /// What the recordings say of one fault set.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -149,7 +149,7 @@ impl EvidenceTable {
             .filter(|(_, slowness)| *slowness > 0.0)
             .map(|(recording, slowness)| slowness * problem.only(recording).independent_samples())
             .sum();
-        let pilot = crate::signal::Signal::PilotValvePosition;
+        let pilot = govtwin_model::signal::Signal::PilotValvePosition;
         Self {
             samples,
             slow_share: slow / samples.max(1e-9),
@@ -175,8 +175,8 @@ fn slowness(period_s: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{EvidenceRow, slowness};
-    use crate::diagnosis::evidence::KAPPAS;
-    use crate::diagnosis::evidence::law_error::LAW_ERRORS;
+    use crate::evidence::KAPPAS;
+    use crate::evidence::law_error::LAW_ERRORS;
 
     /// JSON has no infinity.
     #[test]

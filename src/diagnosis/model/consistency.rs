@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::model::FittedModel;
 use crate::likelihood::problem::Problem;
-use crate::signal::Signal;
-use crate::stored::figure;
+use crate::model::FittedModel;
+use govtwin_model::signal::Signal;
+use govtwin_model::stored::figure;
 
 /// Innovations of one signal over all recordings (Bar-Shalom, Li & Kirubarajan 2001, *Estimation with Applications to Tracking and Navigation*,
 /// section 5.4).

@@ -9,15 +9,15 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::model::FittedModel;
-use crate::effects::{self, Stage};
 use crate::estimation::coordinate::Residuals;
 use crate::likelihood::problem::{METHOD, Problem};
-use crate::parameters::Unit;
-use crate::plant::Plant;
-use crate::plant::term::{Point, Term, View};
-use crate::stored::{LastingText, lasting, points};
-use crate::twin::Twin;
+use crate::model::FittedModel;
+use govtwin_model::effects::{self, Stage};
+use govtwin_model::parameters::Unit;
+use govtwin_model::plant::Plant;
+use govtwin_model::plant::term::{Point, Term, View};
+use govtwin_model::stored::{LastingText, lasting, points};
+use govtwin_model::twin::Twin;
 
 /// A place for a discrepancy term.
 #[derive(Clone, Copy, Debug)]

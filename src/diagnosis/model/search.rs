@@ -1,6 +1,5 @@
 //! The nominal model: the sheet's parameters refitted within their tolerances, event times between slow samples with them.
 
-use crate::diagnosis::model::FittedModel;
 use crate::estimation::annealing::annealed;
 use crate::estimation::coordinate::subject_at;
 use crate::estimation::fit::{Effort, fit};
@@ -10,7 +9,8 @@ use crate::likelihood::loop_noise::heard;
 use crate::likelihood::noise::Noise;
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::parameters::Unit;
+use crate::model::FittedModel;
+use govtwin_model::parameters::Unit;
 
 /// What a nominal fit turns, and from how many starts.
 #[derive(Clone, Debug)]

@@ -1,9 +1,9 @@
 //! Fault sets: which effects are present at once, and the unit that has them.
 
-use crate::effects::EffectSpec;
 use crate::estimation::coordinate::Coordinate;
 use crate::identification::free_parameter::FreeParameter;
-use crate::parameters::{EffectSetting, Unit};
+use govtwin_model::effects::EffectSpec;
+use govtwin_model::parameters::{EffectSetting, Unit};
 
 /// Sizes of effects beforehand: median and spread of the logarithm of the size over the typical one.
 pub const SIZE_PRIOR: (f64, f64) = (1.1, 0.8);

@@ -1,10 +1,10 @@
 //! Admissibility: what each channel of each recording is like, and what is wrong with it.
 
-use crate::diagnosis::result::ChannelReport;
-use crate::metrics::{median, noise_of_bends};
-use crate::recording::Recording;
-use crate::signal::Signal;
-use crate::units::seconds_from_nanos;
+use crate::result::ChannelReport;
+use govtwin_model::metrics::{median, noise_of_bends};
+use govtwin_model::recording::Recording;
+use govtwin_model::signal::Signal;
+use govtwin_model::units::seconds_from_nanos;
 
 /// Samples of one signal: time in s and value.
 fn samples(recording: &Recording, signal: Signal) -> Vec<(f64, f64)> {

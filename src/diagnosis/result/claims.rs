@@ -2,18 +2,17 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::result::interval::Interval;
-use crate::diagnosis::result::test_script::TestScript;
-use crate::effects::{EffectSpec, Stage};
-use crate::signal::Signal;
-use crate::stored::{LastingText, figure, lasting, no_figure};
+use crate::result::interval::Interval;
+use crate::result::test_script::TestScript;
+use govtwin_model::effects::{EffectSpec, Stage};
+use govtwin_model::signal::Signal;
+use govtwin_model::stored::{LastingText, figure, lasting, no_figure};
 
 /// The file beside the report that holds the best test as a script.
 pub const NEXT_TEST: &str = "next_test.mcap";
 
 /// A parameter as fitted.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct Fitted {
     /// Name with its unit suffix; for the sheet's parameters the key of parameter files.
     pub name: String,
@@ -39,7 +38,6 @@ pub struct Fitted {
 
 /// An effect that the verdict blames, or a rival in a class.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct Blame {
     /// Its id.
     pub id: String,
@@ -79,7 +77,6 @@ impl Blame {
 
 /// One row of the ranking.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct Ranked {
     /// An effect's id, `unknown` or `none`.
     pub id: String,
@@ -91,7 +88,6 @@ pub struct Ranked {
 /// The gap in one signal.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(from = "GapForm", into = "GapForm")]
-#[non_exhaustive]
 pub struct SignalGap {
     /// Which signal.
     pub signal: Signal,
@@ -107,7 +103,6 @@ pub struct SignalGap {
 
 /// A test that is expected to take something off the posterior's entropy.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct Experiment {
     /// The two hypotheses that it tells apart most: ids of effects joined by `+`, `none`, or `unknown:STAGE`.
     pub separates: Vec<String>,

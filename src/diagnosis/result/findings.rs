@@ -2,16 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::model::discrepancy::Curve;
-use crate::diagnosis::result::claims::Fitted;
-use crate::diagnosis::result::interval::Interval;
-use crate::effects::Stage;
-use crate::signal::Signal;
-use crate::stored::{LastingText, figure, lasting, no_figure, unbounded};
+use crate::model::discrepancy::Curve;
+use crate::result::claims::Fitted;
+use crate::result::interval::Interval;
+use govtwin_model::effects::Stage;
+use govtwin_model::signal::Signal;
+use govtwin_model::stored::{LastingText, figure, lasting, no_figure, unbounded};
 
 /// One channel of one recording, as found.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct ChannelReport {
     /// Recording.
     pub recording: String,
@@ -34,7 +33,6 @@ pub struct ChannelReport {
 
 /// How well an effect could be seen at all.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct DetectableSize {
     /// Effect.
     #[serde(deserialize_with = "lasting")]
@@ -58,7 +56,6 @@ pub struct DetectableSize {
 
 /// One part of a cut through the squared gap.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct BreakdownPart {
     /// What the part holds, in words.
     pub name: String,
@@ -74,7 +71,6 @@ pub struct BreakdownPart {
 
 /// One way of cutting the squared gap of one signal into parts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct Breakdown {
     /// Which signal.
     pub signal: Signal,
@@ -87,7 +83,6 @@ pub struct Breakdown {
 
 /// A stage driven by the recorded signals at its input.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct StageTest {
     /// What is driven, in words.
     #[serde(deserialize_with = "lasting")]
@@ -107,7 +102,6 @@ pub struct StageTest {
 
 /// A free term placed in one equation: how much it would explain, and what it looks like.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct DiscrepancyTerm {
     /// Where it stands, in words.
     #[serde(deserialize_with = "lasting")]
@@ -126,7 +120,6 @@ pub struct DiscrepancyTerm {
 
 /// An effect tried alone on top of the refitted twin.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct Tried {
     /// Ids, one or more.
     #[serde(rename = "effects")]
@@ -143,7 +136,6 @@ pub struct Tried {
 
 /// How far the gap of a recording closes when the fit has not seen it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct Transfer {
     /// Recording.
     pub recording: String,

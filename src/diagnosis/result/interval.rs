@@ -2,12 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::stored::{ends, figure};
+use govtwin_model::stored::{ends, figure};
 
 /// A value with the interval that holds the truth nine times in ten.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "IntervalForm", into = "IntervalForm")]
-#[non_exhaustive]
 pub struct Interval {
     /// Best value.
     pub value: f64,

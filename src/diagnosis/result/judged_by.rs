@@ -1,6 +1,6 @@
 //! What a unit is judged by.
 
-use crate::stored::held_by_id;
+use govtwin_model::stored::held_by_id;
 
 /// What a diagnosis knows of a unit beside its recordings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

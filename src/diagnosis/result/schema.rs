@@ -5,16 +5,16 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::diagnosis::hypotheses::table::EvidenceTable;
-use crate::diagnosis::model::consistency::Consistency;
-use crate::diagnosis::result::{
+use crate::hypotheses::table::EvidenceTable;
+use crate::model::consistency::Consistency;
+use crate::result::{
     Blame, Breakdown, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted, Interval,
     JudgedBy, Ranked, SheetLimits, SignalGap, StageFigure, StageOnly, StageTest, Trace, Transfer, Tried, Verdict,
 };
-use crate::effects::Stage;
-use crate::parameters::{ChannelReadings, Parameters, Sensors, Unit};
-use crate::provenance::Provenance;
-use crate::stored::{LastingText, figure, lasting};
+use govtwin_model::effects::Stage;
+use govtwin_model::parameters::{ChannelReadings, Parameters, Sensors, Unit};
+use govtwin_model::provenance::Provenance;
+use govtwin_model::stored::{LastingText, figure, lasting};
 
 /// The schema's name.
 pub const SCHEMA: &str = "govtwin-diagnosis/1";
@@ -23,7 +23,6 @@ pub const SCHEMA: &str = "govtwin-diagnosis/1";
 /// is missing in a row is an error. Every figure is in the unit that its key names or that stands beside it as
 /// `unit`; numbers that do not exist are null.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct DiagnosisReport {
     /// The schema's name.
     pub schema: String,
@@ -69,7 +68,6 @@ pub struct DiagnosisReport {
 
 /// Where the gap lies.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct GapLocation {
     /// The stage; none where there is no gap.
     pub stage: Option<Stage>,
@@ -80,7 +78,6 @@ pub struct GapLocation {
 
 /// The gap and what closes it.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct ReportedGap {
     /// In each signal.
     #[serde(default)]

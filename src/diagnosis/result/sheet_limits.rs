@@ -2,11 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::stored::{LastingText, ends, figure, lasting};
+use govtwin_model::stored::{LastingText, ends, figure, lasting};
 
 /// A value of the sheet that has a tolerance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct SheetValue {
     /// Its key in parameter files.
     pub key: String,
@@ -31,7 +30,6 @@ pub struct SheetValue {
 
 /// An effect that a value of the sheet hides.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct HiddenEffect {
     /// Its id.
     pub id: String,
@@ -42,7 +40,6 @@ pub struct HiddenEffect {
 
 /// How much the sheet's tolerances limit a verdict.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct SheetLimits {
     /// Entropy of the posterior over the fitted fault sets, nothing unknown considered, bits.
     #[serde(deserialize_with = "figure")]

@@ -2,12 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::result::interval::Interval;
-use crate::stored::{LastingText, figure, lasting};
+use crate::result::interval::Interval;
+use govtwin_model::stored::{LastingText, figure, lasting};
 
 /// How well a model predicts free runs of a fixed length, each from its own measured start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct FreeRun {
     /// The model, in words.
     #[serde(rename = "effects")]
@@ -25,7 +24,6 @@ pub struct FreeRun {
 
 /// One figure of a fitted stage, in the numbers of its recordings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct StageFigure {
     /// Its id in reports.
     #[serde(deserialize_with = "lasting")]
@@ -43,7 +41,6 @@ pub struct StageFigure {
 
 /// What to know of a diagnosis of a part of the chain.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct StageOnly {
     /// Whether a data sheet was given; without one everything is fitted freely.
     #[serde(rename = "data_sheet")]

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::frame::{EsvState, Frame, Inputs, Signals};
-use crate::units::{nanos_from_seconds, seconds_from_nanos};
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// Time between two commands of a script, s.
 pub const PERIOD_S: f64 = 0.01;

@@ -4,13 +4,12 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::recording::Process;
-use crate::signal::Signal;
+use govtwin_model::recording::Process;
+use govtwin_model::signal::Signal;
 
 /// One recording as it was and as the twins have it, at the rows where something was measured.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(from = "TraceForm", into = "TraceForm")]
-#[non_exhaustive]
 pub struct Trace {
     /// Recording.
     pub name: String,

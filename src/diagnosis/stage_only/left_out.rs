@@ -2,15 +2,15 @@
 
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::diagnosis::decision::features::ODDS;
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::hypotheses::table::{EvidenceTable, StageEvidence};
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::preparation::Preparation;
-use crate::diagnosis::summary::explained_fraction::without_recordings;
-use crate::frame::Estimate;
+use crate::decision::features::ODDS;
+use crate::hypotheses::Explored;
+use crate::hypotheses::table::{EvidenceTable, StageEvidence};
 use crate::likelihood::problem::Problem;
-use crate::signal::Signal;
+use crate::model::FittedModel;
+use crate::preparation::Preparation;
+use crate::summary::explained_fraction::without_recordings;
+use govtwin_model::frame::Estimate;
+use govtwin_model::signal::Signal;
 
 /// Sets that are tried on pieces left out, besides the stage without any effect: the likeliest by evidence and number. It costs a fit for each piece.
 const TRIED: usize = 10;

@@ -5,19 +5,19 @@
 
 use nalgebra::DVector;
 
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::result::{Interval, StageFigure};
-use crate::effects;
 use crate::estimation::coordinate::{Coordinate, subject_at};
-use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::twin_of;
-use crate::parameters::Unit;
-use crate::plant::Plant;
-use crate::signal::Signal;
+use crate::model::FittedModel;
+use crate::result::{Interval, StageFigure};
 use crate::stage_alone::plain::Plain;
-use crate::twin::Cut;
-use crate::units::{NORMAL_90, nanos_from_seconds};
+use govtwin_model::effects;
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::parameters::Unit;
+use govtwin_model::plant::Plant;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Cut;
+use govtwin_model::units::{NORMAL_90, nanos_from_seconds};
 
 /// How far free parameters are turned for slopes, in standard deviations of the fit, at most in units of the free parameter.
 const TURN: (f64, f64) = (0.5, 0.5);

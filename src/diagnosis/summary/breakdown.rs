@@ -1,10 +1,10 @@
 //! Where: the gap of every signal, and its square split exactly over processes, phases, directions, spool bands, end zones and ESV states.
 
-use crate::diagnosis::result::{Breakdown, BreakdownPart, SignalGap};
-use crate::frame::{Estimate, EsvState, Frame};
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::signal::Signal;
+use crate::result::{Breakdown, BreakdownPart, SignalGap};
+use govtwin_model::frame::{Estimate, EsvState, Frame};
+use govtwin_model::signal::Signal;
 
 /// Slower than this the servomotor stands, pu/s.
 const STANDING_PU_S: f64 = 2.0e-3;
@@ -41,7 +41,7 @@ const DIVISIONS: [Division; 6] = [
 #[must_use]
 pub fn breakdowns(problem: &Problem, refitted: &[Vec<Estimate>], with_effects: &[Vec<Estimate>]) -> Vec<Breakdown> {
     let mut all = Vec::new();
-    let stage_only = problem.recordings.iter().all(|recording| recording.cut == crate::twin::Cut::Spool);
+    let stage_only = problem.recordings.iter().all(|recording| recording.cut == govtwin_model::twin::Cut::Spool);
     for signal in Signal::POSITIONS {
         for (by, names, part_of) in DIVISIONS {
             // Without command and ESV these say nothing.
@@ -84,7 +84,7 @@ fn slope(recording: &PreparedRecording, k: usize) -> f64 {
     let reach = recording.samples_in(0.05);
     let (a, b) = (k.saturating_sub(reach), (k + reach).min(recording.samples.len() - 1));
     let (one, two) = (&recording.frames[recording.samples[a]], &recording.frames[recording.samples[b]]);
-    let time_s = crate::units::seconds_from_nanos(two.time_ns - one.time_ns);
+    let time_s = govtwin_model::units::seconds_from_nanos(two.time_ns - one.time_ns);
     let change = two.measured.servomotor_position_pu - one.measured.servomotor_position_pu;
     if time_s > 0.0 && change.is_finite() { change / time_s } else { 0.0 }
 }

@@ -1,10 +1,10 @@
 //! What something unknown would be like at each point of the chain.
 
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::model::{FittedModel, discrepancy};
-use crate::diagnosis::result::DiscrepancyTerm;
 use crate::estimation::coordinate::Residuals;
+use crate::hypotheses::Explored;
 use crate::likelihood::problem::Problem;
+use crate::model::{FittedModel, discrepancy};
+use crate::result::DiscrepancyTerm;
 
 /// Size of something unknown, in moderate discrepancy terms, and of the error of equations beside it, for its picture.
 const UNKNOWN: (f64, f64) = (4.0, 0.03);

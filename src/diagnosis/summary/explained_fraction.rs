@@ -6,16 +6,16 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::result::Interval;
 use crate::estimation::coordinate::{Coordinate, square, subject_at};
 use crate::estimation::fit::{Effort, fit};
 use crate::estimation::linear::normal;
-use crate::frame::Estimate;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::signal::Signal;
+use crate::model::FittedModel;
+use crate::result::Interval;
+use govtwin_model::frame::Estimate;
+use govtwin_model::signal::Signal;
 
 /// By how much a right model may leave more than the noise, as a share of it, at fast and at slow rates: no equation is exact, and between
 /// slow samples nobody knows the inputs. Measured on the generated battery of seed 77.
@@ -126,7 +126,7 @@ pub(crate) fn without_recordings(problem: &Problem, model: &FittedModel) -> Refi
     all
 }
 
-fn refitted_without(problem: &Problem, model: &FittedModel, left: usize) -> crate::parameters::Unit {
+fn refitted_without(problem: &Problem, model: &FittedModel, left: usize) -> govtwin_model::parameters::Unit {
     // An effect of which the other recordings say next to nothing stays where the fit to all has it.
     let says =
         |recording: usize, free_parameter: usize| model.fit.slopes[recording].column(free_parameter).norm_squared();

@@ -5,15 +5,15 @@
 //! Thomas 2006, section 2.4): the same bits in which tests are weighed. What the recordings say of a parameter is divided by what nats are divided
 //! by in the posterior. Which effects a tolerance hides is read off the linear picture at the refitted sheet.
 
-use crate::diagnosis::decision::posterior::{CountedNats, Posterior};
-use crate::diagnosis::detectability::STANDS_OUT;
-use crate::diagnosis::experiment::LEAST_BITS;
-use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::hypotheses::table::EvidenceTable;
-use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::result::{HiddenEffect, SheetLimits, SheetValue};
-use crate::effects::EffectSpec;
+use crate::decision::posterior::{CountedNats, Posterior};
+use crate::detectability::STANDS_OUT;
+use crate::experiment::LEAST_BITS;
+use crate::hypotheses::Explored;
+use crate::hypotheses::table::EvidenceTable;
 use crate::identification::free_parameter::FreeParameter;
+use crate::model::FittedModel;
+use crate::result::{HiddenEffect, SheetLimits, SheetValue};
+use govtwin_model::effects::EffectSpec;
 
 /// Points of the integral over one set's density, and how far they reach in its deviations.
 const POINTS: u32 = 33;

@@ -1,11 +1,11 @@
 //! Where: each stage driven by the recorded signals at its input, judged by its own output.
 
-use crate::diagnosis::result::StageTest;
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, twin_of};
-use crate::parameters::Unit;
-use crate::signal::Signal;
-use crate::twin::Cut;
+use crate::result::StageTest;
+use govtwin_model::parameters::Unit;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Cut;
 
 /// A test: what is driven, where the chain is cut, what it is judged by.
 const TESTS: [(&str, Cut, Signal); 4] = [
@@ -34,7 +34,7 @@ pub fn tests(problem: &Problem, refitted: &Unit) -> Vec<StageTest> {
     TESTS
         .into_iter()
         .filter_map(|(stage, cut, signal)| {
-            let fed = crate::replay::stands_in(cut);
+            let fed = govtwin_model::replay::stands_in(cut);
             let fit = |recording: &PreparedRecording| {
                 let fed = recording.cut == cut || fed.is_none_or(|fed| recording.has[fed as usize]);
                 (recording.cut == Cut::None || recording.cut == cut) && recording.has[signal as usize] && fed

@@ -1,9 +1,9 @@
 //! Recordings beside the twins' answers, for pictures.
 
-use crate::diagnosis::result::Trace;
-use crate::frame::Estimate;
 use crate::likelihood::problem::Problem;
-use crate::units::seconds_from_nanos;
+use crate::result::Trace;
+use govtwin_model::frame::Estimate;
+use govtwin_model::units::seconds_from_nanos;
 
 /// One trace for each recording: measured, delivered, refitted, with effects.
 #[must_use]

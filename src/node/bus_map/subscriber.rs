@@ -10,15 +10,15 @@ use ros2_client::Gid;
 use ros2_client::log::LogLevel;
 
 use super::BusMap;
-use crate::bag::TopicInfo;
-use crate::import::{Map, MappedField, MappedTopic, topics_of};
-use crate::node::arguments::nearest;
-use crate::node::bus::{Bus, BusError};
-use crate::node::definitions::Definitions;
-use crate::node::offer::Offer;
-use crate::node::qos::{best_effort, newest_latched};
-use crate::node::realtime::Until;
-use crate::node::tap::Tap;
+use crate::arguments::nearest;
+use crate::bus::{Bus, BusError};
+use crate::definitions::Definitions;
+use crate::offer::Offer;
+use crate::qos::{best_effort, newest_latched};
+use crate::realtime::Until;
+use crate::tap::Tap;
+use govtwin_bag::TopicInfo;
+use govtwin_bag::import::{Map, MappedField, MappedTopic, topics_of};
 
 /// Publishers are looked for so far apart.
 const LOOK: Duration = Duration::from_millis(200);
@@ -36,17 +36,17 @@ const AGAIN: Duration = Duration::from_secs(30);
 const MOST_CHANGES: u32 = 100;
 
 /// A topic that is subscribed to, on its way to the thread that hears.
-pub(in crate::node) struct OpenedTopic {
+pub(crate) struct OpenedTopic {
     /// How its messages are read.
-    pub(in crate::node) topic: MappedTopic,
+    pub(crate) topic: MappedTopic,
     /// Its samples.
-    pub(in crate::node) tap: Tap,
+    pub(crate) tap: Tap,
     /// Its type.
-    pub(in crate::node) type_name: String,
+    pub(crate) type_name: String,
     /// The hash of its type, empty where its publisher announces none.
-    pub(in crate::node) type_hash: String,
+    pub(crate) type_hash: String,
     /// Ends the subscription, once its other half is dropped.
-    pub(in crate::node) ends: oneshot::Receiver<()>,
+    pub(crate) ends: oneshot::Receiver<()>,
 }
 
 /// What is known of a topic.
@@ -76,7 +76,7 @@ struct MapTopic {
 }
 
 /// The subscriptions of a map.
-pub(in crate::node) struct MapSubscriber {
+pub(crate) struct MapSubscriber {
     bus: Bus,
     map: Map,
     fields: Vec<MappedField>,
@@ -92,7 +92,7 @@ type Words = Vec<(LogLevel, String)>;
 
 impl MapSubscriber {
     /// Awaits the topics of a map; `bus` is a node of its own, since the node's is shared by threads.
-    pub(in crate::node) fn new(
+    pub(crate) fn new(
         mut bus: Bus,
         map: &BusMap,
         opened: mpsc::UnboundedSender<OpenedTopic>,
@@ -116,12 +116,12 @@ impl MapSubscriber {
     }
 
     /// Its node.
-    pub(in crate::node) fn bus(&self) -> &Bus {
+    pub(crate) fn bus(&self) -> &Bus {
         &self.bus
     }
 
     /// Looks now and then who publishes; gives what a user should read.
-    pub(in crate::node) fn turn(&mut self) -> Words {
+    pub(crate) fn turn(&mut self) -> Words {
         let mut said = vec![];
         if !self.look.comes_round(LOOK) {
             return said;

@@ -1,6 +1,6 @@
 //! Two senders on one input: told where they do not say the same.
 
-use crate::units::NANOS_PER_SECOND;
+use govtwin_model::units::NANOS_PER_SECOND;
 
 /// A sender that is silent for so long is gone, ns.
 const GONE_NS: i64 = 2 * NANOS_PER_SECOND;

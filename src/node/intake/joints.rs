@@ -2,7 +2,7 @@
 
 use super::super::messages::JOINTS;
 use super::{OPENING_RANGE_PU, Refusal, TopicGate, in_range};
-use crate::msg::JointState;
+use govtwin_bag::msg::JointState;
 
 /// Forces beyond this are none, N.
 const LARGEST_FORCE_N: f64 = 1.0e8;

@@ -1,9 +1,9 @@
 //! Values that a map found in messages of other types: checked as those of our own types are.
 
 use super::{OPENING_RANGE_PU, PRESSURE_RANGE_PA, Refusal, TopicGate, in_range};
-use crate::frame::EsvState;
-use crate::import::{FieldState, Target};
-use crate::node::core::{InputEvent, NodeInput};
+use crate::core::{InputEvent, NodeInput};
+use govtwin_bag::import::{FieldState, Target};
+use govtwin_model::frame::EsvState;
 
 /// The input that a signal drives; none for what is measured.
 #[must_use]

@@ -14,7 +14,7 @@ use super::super::intake::mapped::{checked, input_of, refusal_of};
 use super::super::tap::TappedSample;
 use super::samples::FARTHEST_PU;
 use super::{Arrivals, Listener};
-use crate::import::{ImportedRow, MappedTopic, Target};
+use govtwin_bag::import::{ImportedRow, MappedTopic, Target};
 
 /// Senders of one topic that are remembered; beyond them each is looked up anew.
 const MOST_SENDERS: usize = 256;

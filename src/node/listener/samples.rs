@@ -7,7 +7,7 @@ use super::super::core::{InputEvent, NodeInput};
 use super::super::intake::{Intake, Refusal, TopicGate, joints};
 use super::super::realtime::monotonic_ns;
 use super::Listener;
-use crate::msg::{Interface, JointState, ServoState};
+use govtwin_bag::msg::{Interface, JointState, ServoState};
 
 /// A measured position beyond this is no position, pu of stroke.
 pub(super) const FARTHEST_PU: f64 = 10.0;

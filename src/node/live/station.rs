@@ -25,12 +25,12 @@ use super::super::refit::Refit;
 use super::super::settings::NodeSettings;
 use super::super::{qos, startup};
 use super::{NodeError, RunOptions, Say};
-use crate::parameters::Unit;
-use crate::residual::corrector::Corrector;
-use crate::residual::model::ModelError;
-use crate::residual::rate;
-use crate::residual::row::Opening;
-use crate::units::nanos_from_seconds;
+use govtwin_correction::corrector::Corrector;
+use govtwin_correction::model::ModelError;
+use govtwin_correction::rate;
+use govtwin_correction::row::Opening;
+use govtwin_model::parameters::Unit;
+use govtwin_model::units::nanos_from_seconds;
 
 /// Why a unit with a learned residual cannot be changed while the node runs.
 const FIXED_UNIT: &str =
@@ -200,7 +200,7 @@ mod tests {
             environment: Environment::read(|_| None).unwrap(),
             arguments: Arguments::parse(&words, "govtwin").unwrap(),
             map: None,
-            unit: crate::params::reference(),
+            unit: govtwin_model::params::reference(),
             residual: None,
             adapt: false,
             settings: NodeSettings::default(),

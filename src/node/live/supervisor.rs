@@ -24,8 +24,8 @@ use super::super::realtime::{Until, monotonic_ns, wall_ns};
 use super::super::settings::NodeSettings;
 use super::super::words;
 use super::station::Station;
-use crate::bag::BagError;
-use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState};
+use govtwin_bag::BagError;
+use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState};
 
 /// How often it looks around.
 const SECOND: Duration = Duration::from_secs(1);

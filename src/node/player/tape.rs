@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
 
-use crate::bag::{self, BagError, RawMessage, TopicInfo, Warning};
+use govtwin_bag::{BagError, RawMessage, TopicInfo, Warning};
 
 /// Messages are handed over so many at a time at most,
 const BATCH_MESSAGES: usize = 256;
@@ -43,7 +43,7 @@ impl Tape {
         topics: Vec<String>,
         length: Option<Duration>,
     ) -> Result<(Option<Self>, Vec<Warning>), BagError> {
-        let messages = bag::messages(&bag)?;
+        let messages = govtwin_bag::messages(&bag)?;
         let warnings = messages.warnings().to_vec();
         let named = |topic: &&Arc<TopicInfo>| topics.is_empty() || topics.contains(&topic.name);
         let chosen: Vec<_> = messages.topics().iter().filter(named).cloned().collect();
@@ -92,7 +92,7 @@ impl Tape {
 
     /// Reads and hands over while `give` takes.
     fn read(&self, give: &mut dyn FnMut(Handover) -> bool) -> Option<()> {
-        let messages = match bag::messages(&self.bag) {
+        let messages = match govtwin_bag::messages(&self.bag) {
             Ok(messages) => messages,
             Err(error) => return give(Err(error)).then_some(()),
         };
@@ -149,7 +149,6 @@ mod tests {
     use std::time::Duration;
 
     use super::Tape;
-    use crate::bag;
 
     fn tape(topics: &[&str], length: Option<Duration>) -> Option<Tape> {
         let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/shutdown_01.mcap");
@@ -159,7 +158,7 @@ mod tests {
     #[test]
     fn a_tape_holds_what_was_chosen_of_a_bag_in_its_order() {
         let whole = tape(&[], None).unwrap();
-        let all: Vec<_> = bag::messages(&whole.bag).unwrap().map(Result::unwrap).collect();
+        let all: Vec<_> = govtwin_bag::messages(&whole.bag).unwrap().map(Result::unwrap).collect();
         assert_eq!(whole.run(|messages| messages.collect::<Vec<_>>()).unwrap(), all);
         assert_eq!(whole.run(|messages| messages.take(3).count()).unwrap(), 3, "whoever has enough may leave");
         let part = tape(&["/governor/esv"], Some(Duration::from_secs(5))).unwrap();

@@ -16,7 +16,7 @@ use serde::de::DeserializeOwned;
 
 use super::super::tap::Undecoded;
 use super::{Aftermath, ServiceContext};
-use crate::bag::cdr;
+use govtwin_bag::cdr;
 
 /// What names the layout of a sample, before its bytes.
 const HEAD_LEN: usize = 4;
@@ -143,8 +143,8 @@ mod tests {
     use ros2_client::ServiceMapping::{Cyclone, Enhanced};
 
     use super::{HEAD_LEN, decode};
-    use crate::bag::cdr;
-    use crate::msg::action::SendStepsRequest;
+    use govtwin_bag::cdr;
+    use govtwin_bag::msg::action::SendStepsRequest;
 
     #[test]
     fn a_request_is_read_in_the_layout_of_its_caller() {

@@ -12,8 +12,8 @@ use super::super::control::{Answer, Order, OrderOutcome, RunState};
 use super::super::integration::TimeSource;
 use super::replies::Replies;
 use super::{Aftermath, ServiceContext, answer, attend};
-use crate::msg::service::{Nothing, Trigger, TriggerResponse};
-use crate::msg::simulation::{
+use govtwin_bag::msg::service::{Nothing, Trigger, TriggerResponse};
+use govtwin_bag::msg::simulation::{
     FeaturesResponse, GetSimulationState, GetSimulatorFeatures, ResetRequest, ResetSimulation, ResultResponse,
     SetSimulationState, SetStateRequest, SimulationResult, SimulationState, SimulatorFeatures, StateResponse,
     StepRequest, StepSimulation,

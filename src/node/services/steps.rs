@@ -15,12 +15,12 @@ use super::call::{Caller, Calls};
 use super::replies::Replies;
 use super::simulation::{result, step_order};
 use super::{Aftermath, ServiceContext};
-use crate::msg;
-use crate::msg::action::{
+use govtwin_bag::msg;
+use govtwin_bag::msg::action::{
     CancelRequest, CancelResponse, GoalId, GoalInfo, GoalStatus, GoalStatusArray, ResultRequest, SendGoalResponse,
     SendStepsRequest, StepsFeedback, StepsResult,
 };
-use crate::msg::simulation::SimulationResult;
+use govtwin_bag::msg::simulation::SimulationResult;
 
 /// Goals that are remembered once they ended.
 const REMEMBERED: usize = 16;
@@ -275,7 +275,7 @@ impl<C> Goals<C> {
 #[cfg(test)]
 mod tests {
     use super::{CancelResponse, GoalInfo, GoalStatus, Goals, OrderOutcome, REMEMBERED, StepsFeedback};
-    use crate::msg::Time;
+    use govtwin_bag::msg::Time;
 
     fn info(id: u8, sec: i32) -> GoalInfo {
         GoalInfo { goal_id: [id; 16], stamp: Time { sec, nanosec: 0 } }

@@ -5,9 +5,9 @@ use ros2_client::{Server, ServiceMapping};
 
 use super::super::bus::{Bus, BusError};
 use super::{Aftermath, MOST_ITEMS, ServiceContext, answer};
-use crate::msg::definition::{Definition, closure_of, text_of};
-use crate::msg::type_hash::{field_type, hash_of};
-use crate::msg::upkeep::{
+use govtwin_bag::msg::definition::{Definition, closure_of, text_of};
+use govtwin_bag::msg::type_hash::{field_type, hash_of};
+use govtwin_bag::msg::upkeep::{
     DescribedField, GetLevelsRequest, GetLoggerLevels, GetTypeDescription, IndividualTypeDescription, Levels,
     LoggerLevel, SetLevelsResponse, SetLoggerLevels, SetLoggerLevelsResult, TypeDescription, TypeRequest, TypeResponse,
     TypeSource,
@@ -115,7 +115,7 @@ fn describe(request: &TypeRequest) -> TypeResponse {
 
 fn individual(definition: &Definition) -> IndividualTypeDescription {
     let field = |field| -> DescribedField {
-        let field: &crate::msg::definition::Field = field;
+        let field: &govtwin_bag::msg::definition::Field = field;
         DescribedField { name: field.name.clone(), r#type: field_type(field), default_value: String::new() }
     };
     IndividualTypeDescription {
@@ -127,8 +127,8 @@ fn individual(definition: &Definition) -> IndividualTypeDescription {
 #[cfg(test)]
 mod tests {
     use super::{LoggerLevel, TypeRequest, describe, hash_of, level, logger_name};
-    use crate::msg::definition::{DefinitionError, closure_with, known};
-    use crate::msg::type_hash::{texts_of, type_hash};
+    use govtwin_bag::msg::definition::{DefinitionError, closure_with, known};
+    use govtwin_bag::msg::type_hash::{texts_of, type_hash};
 
     #[test]
     fn a_description_without_texts_gives_the_definition_again() {

@@ -1,0 +1,381 @@
+//! Time as files write it: ISO 8601, patterns, epochs, Excel serials, seconds from a start; local times by their zone.
+
+mod detect;
+
+use jiff::civil::{Date, DateTime, Time};
+use jiff::fmt::strtime::BrokenDownTime;
+use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
+use jiff::{Timestamp, tz};
+
+use super::map::TimeMap;
+use super::number::{Numbers, decimal_ns};
+use govtwin_model::params::nearest;
+
+pub(super) use detect::detect;
+
+/// A second, ns.
+const SECOND_NS: i128 = 1_000_000_000;
+/// A day, ns.
+const DAY_NS: i128 = 86_400 * SECOND_NS;
+/// What a serial number of a day holds, ns: fifteen digits of a number of five before the point are 1e-10 days.
+const SERIAL_GRAIN_NS: i64 = 100_000;
+/// Days from Excel's zero, 30 December 1899, to 1970.
+const EXCEL_DAYS: i64 = 25_569;
+/// Days from MATLAB's zero to 1970.
+const MATLAB_DAYS: i64 = 719_529;
+/// A time of day that falls back by more than this has passed midnight, ns.
+const MIDNIGHT_NS: i64 = 43_200_000_000_000;
+
+/// How time is written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// A count of so many ns from 1970 on, UTC.
+    Epoch {
+        /// The unit, ns.
+        unit_ns: i64,
+    },
+    /// A count of so many ns from the start of the recording on.
+    Relative {
+        /// The unit, ns.
+        unit_ns: i64,
+    },
+    /// Days since 30 December 1899, local time.
+    Excel,
+    /// Days since the year 0, local time.
+    Matlab,
+    /// ISO 8601, with or without offset.
+    Iso,
+    /// A pattern as of `strftime`.
+    Pattern(String),
+}
+
+/// Names of formats that are no patterns.
+const NAMED: [(&str, Format); 13] = [
+    ("iso", Format::Iso),
+    ("unix_s", Format::Epoch { unit_ns: 1_000_000_000 }),
+    ("unix_ms", Format::Epoch { unit_ns: 1_000_000 }),
+    ("unix_us", Format::Epoch { unit_ns: 1000 }),
+    ("unix_ns", Format::Epoch { unit_ns: 1 }),
+    ("seconds", Format::Relative { unit_ns: 1_000_000_000 }),
+    ("milliseconds", Format::Relative { unit_ns: 1_000_000 }),
+    ("microseconds", Format::Relative { unit_ns: 1000 }),
+    ("nanoseconds", Format::Relative { unit_ns: 1 }),
+    ("minutes", Format::Relative { unit_ns: 60_000_000_000 }),
+    ("hours", Format::Relative { unit_ns: 3_600_000_000_000 }),
+    ("excel", Format::Excel),
+    ("matlab", Format::Matlab),
+];
+
+/// A text that is neither the name of a format of times nor a pattern.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{hint}expected a pattern such as \"%d.%m.%Y %H:%M:%S%.f\", or one of {}",
+    names.join(", "),
+    hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "))
+)]
+#[non_exhaustive]
+pub struct FormatError {
+    /// The name that it may be meant for.
+    pub near: Option<&'static str>,
+    /// The names that there are.
+    pub names: Vec<&'static str>,
+}
+
+impl Format {
+    /// From its name, or as a pattern.
+    ///
+    /// # Errors
+    /// Where it is neither.
+    pub fn of(text: &str) -> Result<Self, FormatError> {
+        if let Some((_, format)) = NAMED.iter().find(|(name, _)| *name == text) {
+            return Ok(format.clone());
+        }
+        if text.contains('%') {
+            return Ok(Self::Pattern(text.to_owned()));
+        }
+        let names = NAMED.map(|(name, _)| name);
+        Err(FormatError { near: nearest(text, names), names: names.to_vec() })
+    }
+
+    /// Its name, or the pattern.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Pattern(pattern) => pattern,
+            named => NAMED.iter().find(|(_, format)| format == named).map_or("", |(name, _)| name),
+        }
+    }
+}
+
+/// Reads the times of one file, in their order.
+#[derive(Clone, Debug)]
+pub struct TimeReader {
+    format: Format,
+    numbers: Numbers,
+    zone: TimeZone,
+    /// The moment of relative times, ns, and the day of times without a date.
+    start_ns: i64,
+    day: Option<Date>,
+    newest_ns: Option<i64>,
+    /// Days that a time without a date has passed.
+    midnights: i64,
+    last_of_day_ns: i64,
+    /// Times that the end of summer time makes ambiguous.
+    pub folded: u64,
+    /// Whether a zone was given.
+    pub has_zone: bool,
+    /// Whether times were local ones, to which a zone applies.
+    pub used_zone: bool,
+}
+
+impl TimeReader {
+    /// For a format and what the map says of time.
+    ///
+    /// # Errors
+    /// In words, with the key of the map, where zone or start are none.
+    pub(super) fn new(format: Format, map: &TimeMap, numbers: &Numbers) -> Result<Self, String> {
+        let zone = map.zone.as_deref().map_or(Ok(TimeZone::UTC), zone)?;
+        let mut clock = Self {
+            format,
+            numbers: numbers.clone(),
+            zone,
+            start_ns: 0,
+            day: None,
+            newest_ns: None,
+            midnights: 0,
+            last_of_day_ns: 0,
+            folded: 0,
+            has_zone: map.zone.is_some(),
+            used_zone: false,
+        };
+        if let Some(start) = &map.start {
+            let wanted = format!("time.start: expected a moment such as 2024-05-02T10:00:00+02:00, found `{start}`");
+            let date = start.parse::<Date>().map_err(short);
+            // A moment would be read as its day.
+            clock.start_ns = match date.and_then(|date| if start.len() > 10 { Err(String::new()) } else { Ok(date) }) {
+                Ok(date) => clock.at(date.to_datetime(Time::midnight()))?,
+                Err(_) => clock.iso(start).map_err(|_| wanted)?,
+            };
+            clock.day =
+                clock.zone.to_datetime(Timestamp::from_nanosecond(clock.start_ns.into()).map_err(short)?).date().into();
+            clock.used_zone = false;
+        }
+        Ok(clock)
+    }
+
+    /// How its times are written.
+    pub(super) fn format(&self) -> &Format {
+        &self.format
+    }
+
+    /// One time, ns since 1970.
+    ///
+    /// # Errors
+    /// In words, where it is none.
+    pub(super) fn read(&mut self, text: &str) -> Result<i64, String> {
+        let text = text.trim();
+        let wanted = |format: &Format| format!("expected a time as `{}`, found `{text}`", format.name());
+        let count = |unit_ns: i128| decimal_ns(&self.numbers.plain(text), unit_ns).ok_or_else(|| wanted(&self.format));
+        let time_ns = match &self.format {
+            Format::Epoch { unit_ns } => count((*unit_ns).into())?,
+            Format::Relative { unit_ns } => count((*unit_ns).into())?.saturating_add(self.start_ns),
+            Format::Excel => self.serial(count(DAY_NS)?, EXCEL_DAYS)?,
+            Format::Matlab => {
+                let days_ns =
+                    decimal_ns(&self.numbers.plain(text), DAY_NS / 1000).ok_or_else(|| wanted(&self.format))?;
+                self.matlab(days_ns)?
+            }
+            Format::Iso => self.iso(text)?,
+            Format::Pattern(_) => self.pattern(text)?,
+        };
+        self.newest_ns = self.newest_ns.max(Some(time_ns));
+        Ok(time_ns)
+    }
+
+    /// A count of days since some zero as ns since 1970.
+    fn serial(&mut self, since_zero_ns: i64, zero_days: i64) -> Result<i64, String> {
+        let grains = (since_zero_ns + SERIAL_GRAIN_NS / 2).div_euclid(SERIAL_GRAIN_NS);
+        let day_ns = i64::try_from(DAY_NS).unwrap_or(i64::MAX);
+        let local_ns =
+            (grains * SERIAL_GRAIN_NS).checked_sub(zero_days * day_ns).ok_or("a day beyond all calendars")?;
+        self.local(local_ns)
+    }
+
+    /// MATLAB's days, which in ns would overflow, come as a thousandth.
+    fn matlab(&mut self, thousandths: i64) -> Result<i64, String> {
+        let day = i64::try_from(DAY_NS / 1000).unwrap_or(i64::MAX);
+        let since_1970 =
+            thousandths.checked_sub(MATLAB_DAYS.saturating_mul(day)).ok_or("a day beyond all calendars")?;
+        let since_1970_ns = since_1970.checked_mul(1000).ok_or("a day beyond all calendars")?;
+        self.serial(since_1970_ns, 0)
+    }
+
+    /// Local time, as ns as if its zone were UTC, as ns since 1970.
+    pub(super) fn local(&mut self, local_ns: i64) -> Result<i64, String> {
+        let timestamp = Timestamp::from_nanosecond(local_ns.into()).map_err(short)?;
+        let local = TimeZone::UTC.to_datetime(timestamp);
+        self.at(local)
+    }
+
+    fn iso(&mut self, text: &str) -> Result<i64, String> {
+        // Commas before the fraction are as good as points in ISO 8601.
+        let wanted =
+            || format!("expected a time such as 2024-05-02T10:00:00.125 or 2024-05-02 10:00:00+02:00, found `{text}`");
+        if let Ok(timestamp) = text.parse::<Timestamp>() {
+            return ns(timestamp);
+        }
+        self.at(text.parse::<DateTime>().map_err(|_| wanted())?)
+    }
+
+    fn pattern(&mut self, text: &str) -> Result<i64, String> {
+        let Format::Pattern(pattern) = &self.format else { return Err("no pattern".into()) };
+        let comma = !pattern.contains(',') && text.contains(',');
+        let plain = if comma { text.replace(',', ".") } else { text.to_owned() };
+        let parts = BrokenDownTime::parse(pattern, &plain)
+            .map_err(|_| format!("expected a time as `{pattern}`, found `{text}`"))?;
+        if parts.offset().is_some() || parts.iana_time_zone().is_some() {
+            return ns(parts.to_timestamp().map_err(short)?);
+        }
+        if let Ok(local) = parts.to_datetime() {
+            return self.at(local);
+        }
+        let date = parts.to_date().ok();
+        let time = parts.to_time().unwrap_or(Time::midnight());
+        if let Some(date) = date {
+            return self.at(date.to_datetime(time));
+        }
+        let of_day_ns = i64::try_from((time.duration_since(Time::midnight())).as_nanos()).unwrap_or(0);
+        if self.last_of_day_ns - of_day_ns > MIDNIGHT_NS {
+            self.midnights += 1;
+        }
+        self.last_of_day_ns = of_day_ns;
+        let day = self.day.unwrap_or(Date::constant(1970, 1, 1));
+        let day = (0..self.midnights).try_fold(day, |day, _| day.tomorrow()).map_err(short)?;
+        self.at(day.to_datetime(time))
+    }
+
+    /// Local time in the zone; where the end of summer time makes it ambiguous, the moment that goes on from the last one.
+    fn at(&mut self, local: DateTime) -> Result<i64, String> {
+        self.used_zone = true;
+        let ambiguous = self.zone.to_ambiguous_timestamp(local);
+        match ambiguous.offset() {
+            AmbiguousOffset::Unambiguous { .. } => ns(ambiguous.compatible().map_err(short)?),
+            AmbiguousOffset::Fold { .. } => {
+                self.folded += 1;
+                let earlier = ns(ambiguous.earlier().map_err(short)?)?;
+                let goes_back = self.newest_ns.is_some_and(|newest_ns| earlier < newest_ns);
+                if goes_back { ns(ambiguous.later().map_err(short)?) } else { Ok(earlier) }
+            }
+            AmbiguousOffset::Gap { .. } => Err(format!(
+                "{local} does not exist in the zone: clocks were set forward then; if the logger keeps winter time, give its \
+                 offset instead, such as `time: {{zone: \"+01:00\"}}`"
+            )),
+        }
+    }
+}
+
+fn ns(timestamp: Timestamp) -> Result<i64, String> {
+    i64::try_from(timestamp.as_nanosecond()).map_err(|_| "a time beyond the year 2262".to_owned())
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
+fn short(error: jiff::Error) -> String {
+    error.to_string()
+}
+
+/// A zone by its name, or a fixed offset such as `UTC+1` or `+05:30`.
+fn zone(text: &str) -> Result<TimeZone, String> {
+    let rest = text.trim().trim_start_matches("UTC").trim_start_matches("GMT");
+    if rest.is_empty() || rest == "Z" {
+        return Ok(TimeZone::UTC);
+    }
+    let sign = match rest.as_bytes().first() {
+        Some(b'+') => 1,
+        Some(b'-') => -1,
+        _ => return named_zone(text),
+    };
+    let (hours, minutes) = rest[1..].split_once(':').unwrap_or((&rest[1..], "0"));
+    let number = |text: &str| text.parse::<i32>().ok().filter(|number| (0..60).contains(number));
+    let offset = number(hours).zip(number(minutes)).map(|(hours, minutes)| sign * (3600 * hours + 60 * minutes));
+    let offset = offset.and_then(|seconds| Offset::from_seconds(seconds).ok());
+    offset.map(TimeZone::fixed).ok_or_else(|| format!("time.zone: expected an offset such as +01:00, found `{text}`"))
+}
+
+fn named_zone(text: &str) -> Result<TimeZone, String> {
+    TimeZone::get(text).map_err(|_| {
+        let names: Vec<String> = tz::db().available().map(|name| name.as_str().to_owned()).collect();
+        let near = names.iter().max_by(|a, b| {
+            let likeness = |name: &str| strsim::jaro_winkler(&text.to_lowercase(), &name.to_lowercase());
+            likeness(a).total_cmp(&likeness(b))
+        });
+        let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
+        format!("time.zone: there is no zone `{text}`; {hint}expected a name such as Europe/Zurich, or an offset such as +01:00")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clock(format: &str, zone: Option<&str>, start: Option<&str>) -> TimeReader {
+        let map = TimeMap { zone: zone.map(str::to_owned), start: start.map(str::to_owned), ..TimeMap::default() };
+        let numbers = Numbers { decimal: '.', thousands: None, missing: vec![] };
+        TimeReader::new(Format::of(format).unwrap(), &map, &numbers).unwrap()
+    }
+
+    #[test]
+    fn one_moment_is_read_from_every_format() {
+        let moment_ns = 1_714_636_800_250_000_000; // 2024-05-02T08:00:00.25Z
+        for (format, zone, start, text) in [
+            ("iso", None, None, "2024-05-02T08:00:00.25Z"),
+            ("iso", None, None, "2024-05-02 10:00:00.250+02:00"),
+            ("iso", Some("Europe/Zurich"), None, "2024-05-02 10:00:00.25"),
+            ("iso", Some("+02:00"), None, "2024-05-02T10:00:00,25"),
+            ("unix_s", None, None, "1714636800.25"),
+            ("unix_s", Some("Europe/Zurich"), None, "1.71463680025e9"),
+            ("unix_ms", None, None, "1714636800250"),
+            ("unix_ns", None, None, "1714636800250000000"),
+            ("seconds", None, Some("2024-05-02T08:00:00Z"), "0.25"),
+            ("milliseconds", Some("Europe/Zurich"), Some("2024-05-02T10:00:00"), "250"),
+            ("excel", Some("Europe/Zurich"), None, "45414.4166695602"),
+            ("matlab", None, None, "739374.333336227"),
+            ("%d.%m.%Y %H:%M:%S%.f", Some("Europe/Zurich"), None, "02.05.2024 10:00:00.250"),
+            ("%d.%m.%Y %H:%M:%S%.f", Some("UTC+2"), None, "02.05.2024 10:00:00,250"),
+            ("%m/%d/%Y %I:%M:%S%.f %p", None, None, "05/02/2024 08:00:00.250 AM"),
+            ("%Y-%m-%d %H:%M:%S%.f %z", None, None, "2024-05-02 10:00:00.25 +0200"),
+            ("%H:%M:%S%.f", Some("Europe/Zurich"), Some("2024-05-02"), "10:00:00.25"),
+        ] {
+            assert_eq!(clock(format, zone, start).read(text), Ok(moment_ns), "{format} {text}");
+        }
+    }
+
+    #[test]
+    fn the_hour_that_comes_twice_goes_on_and_the_one_that_does_not_exist_is_refused() {
+        let mut clock = clock("iso", Some("Europe/Zurich"), None);
+        let read = |clock: &mut TimeReader, text: &str| clock.read(text).unwrap() / 1_000_000_000;
+        let before = read(&mut clock, "2024-10-27 01:59:00");
+        let first = read(&mut clock, "2024-10-27 02:30:00");
+        let second = read(&mut clock, "2024-10-27 02:10:00");
+        let after = read(&mut clock, "2024-10-27 03:00:00");
+        assert_eq!((first - before, second - first, after - second), (31 * 60, 40 * 60, 50 * 60));
+        assert_eq!(clock.folded, 2);
+        let error = clock.read("2024-03-31 02:30:00").unwrap_err();
+        assert!(error.contains("does not exist in the zone") && error.contains("+01:00"), "{error}");
+    }
+
+    #[test]
+    fn times_of_day_pass_midnight() {
+        let mut clock = clock("%H:%M:%S", None, Some("2024-05-02"));
+        let first = clock.read("23:59:59").unwrap();
+        assert_eq!(clock.read("00:00:01").unwrap() - first, 2_000_000_000);
+    }
+
+    #[test]
+    fn zones_and_formats_that_are_none_come_with_a_way_out() {
+        assert!(zone("Europe/Zuerich").unwrap_err().contains("did you mean `Europe/Zurich`?"));
+        assert!(zone("+99:99").unwrap_err().contains("expected an offset"));
+        assert!(Format::of("unix").unwrap_err().to_string().contains("did you mean `unix_"));
+        let mut clock = clock("%d.%m.%Y", None, None);
+        assert!(clock.read("2024-05-02").unwrap_err().contains("expected a time as `%d.%m.%Y`, found `2024-05-02`"));
+    }
+}

@@ -1,0 +1,202 @@
+//! Whether units and signs can be meant: ranges that no governor has, and signals that go against each other.
+
+use crate::import::row::{ImportedRow, Target};
+use govtwin_model::units::seconds_from_nanos;
+
+/// Pressures of a governor's oil supply, Pa: from the oldest open-type governors to piston accumulators.
+const TANK_PA: [f64; 2] = [5.0e5, 5.0e7];
+/// Units in which a pressure may have been written, Pa.
+const PRESSURES_PA: [(&str, f64); 5] = [("bar", 1e5), ("MPa", 1e6), ("kPa", 1e3), ("psi", 6_894.757), ("Pa", 1.0)];
+/// A pressure of the kind that such a supply has most often, Pa.
+const USUAL_PA: [f64; 2] = [1.5e6, 2.5e7];
+/// The least correlation between spool and servomotor speed that decides on a sign.
+const DECIDES: f64 = 0.4;
+/// Time over which a speed is taken, ns.
+const SPEED_OVER_NS: i64 = 100_000_000;
+/// And the least number of pairs.
+const FEWEST_PAIRS: f64 = 100.0;
+
+/// Count and extremes of a signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Values.
+    pub count: u64,
+    least: f64,
+    most: f64,
+}
+
+impl Default for Range {
+    fn default() -> Self {
+        Self { count: 0, least: f64::INFINITY, most: f64::NEG_INFINITY }
+    }
+}
+
+impl Range {
+    /// One more value.
+    pub fn take(&mut self, value: f64) {
+        self.count += 1;
+        self.least = self.least.min(value);
+        self.most = self.most.max(value);
+    }
+
+    /// Least and greatest value, in the signal's unit.
+    #[must_use]
+    pub fn ends(&self) -> [f64; 2] {
+        [self.least, self.most]
+    }
+
+    /// Greatest less least, in the signal's unit; 0 where there is none.
+    #[must_use]
+    pub fn span(&self) -> f64 {
+        if self.count == 0 { 0.0 } else { self.most - self.least }
+    }
+}
+
+/// What is to be said of the range of a signal, with the likely way out.
+pub(super) fn unit(target: Target, range: &Range, mapped: &str, ranged: bool) -> Option<String> {
+    let [least, most] = range.ends();
+    let stated =
+        if mapped.is_empty() { format!("no unit, which means {}", target.unit()) } else { format!("`{mapped}`") };
+    match target {
+        Target::Esv => None,
+        Target::TankPressure => {
+            if (TANK_PA[0]..=TANK_PA[1]).contains(&most) {
+                return None;
+            }
+            // What the file holds, where the unit is one of those tried.
+            let factor =
+                PRESSURES_PA.iter().find(|(name, _)| name.eq_ignore_ascii_case(mapped)).map_or(1.0, |(_, pa)| *pa);
+            let usual = |(_, pa): &&(&str, f64)| (USUAL_PA[0]..=USUAL_PA[1]).contains(&(most / factor * pa));
+            let hint = PRESSURES_PA.iter().find(usual).filter(|_| !ranged);
+            let hint = hint.map_or(String::new(), |(name, _)| format!("; is it in {name}? then give `unit: {name}`"));
+            Some(format!(
+                "reaches {most:.4} Pa, expected {:.1e} to {:.1e} Pa of a governor's oil supply; the map says {stated}{hint}",
+                TANK_PA[0], TANK_PA[1]
+            ))
+        }
+        Target::ControlPressure => {
+            let odd = !(-2e5..=1e8).contains(&least) || most > 1e8 || (most.abs() < 1e3 && range.span() > 0.0);
+            let name = if most.abs() < 40.0 { "MPa or bar" } else { "bar" };
+            odd.then(|| format!("runs from {least:.4} to {most:.4} Pa, which no control chamber does; the map says {stated}; is it in {name}?"))
+        }
+        _ => {
+            let farthest = least.abs().max(most.abs());
+            let percent = mapped == "%";
+            if percent && farthest <= 0.0125 && range.span() > 0.0 {
+                let raw = farthest * 100.0;
+                return Some(format!(
+                    "moves by {:.3} % of its stroke at most ({raw:.3} in the file); is it in pu? then give `unit: pu`",
+                    range.span() * 100.0
+                ));
+            }
+            let reaches = format!(
+                "runs from {least:.4} to {most:.4} pu, expected about {}; the map says {stated}",
+                usual(target)
+            );
+            match farthest {
+                ..=1.6 => None,
+                ..=160.0 if !percent && !ranged => Some(format!(
+                    "{reaches}; is it in percent? then give `unit: \"%\"`, and for mm or volts `range: [value when closed, value when open]`"
+                )),
+                _ => Some(format!(
+                    "{reaches}; give `range: [value when closed, value when open]` in the file's own unit"
+                )),
+            }
+        }
+    }
+}
+
+fn usual(target: Target) -> &'static str {
+    match target {
+        Target::OpeningCommand | Target::ServomotorPosition => "0 to 1",
+        _ => "-1 to 1",
+    }
+}
+
+/// Sums for a correlation.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::import) struct CorrelationSums {
+    n: f64,
+    x: f64,
+    y: f64,
+    xx: f64,
+    yy: f64,
+    xy: f64,
+}
+
+impl CorrelationSums {
+    pub(in crate::import) fn take(&mut self, x: f64, y: f64) {
+        self.n += 1.0;
+        // Running means, so that a pressure in Pa loses no digits.
+        let (dx, dy) = (x - self.x, y - self.y);
+        self.x += dx / self.n;
+        self.y += dy / self.n;
+        self.xx += dx * (x - self.x);
+        self.yy += dy * (y - self.y);
+        self.xy += dx * (y - self.y);
+    }
+
+    /// −1 to 1; 0 where too few pairs say it, or one side stands still.
+    pub(in crate::import) fn correlation(&self) -> f64 {
+        let scale = (self.xx * self.yy).sqrt();
+        if self.n >= FEWEST_PAIRS && scale > 0.0 { self.xy / scale } else { 0.0 }
+    }
+}
+
+/// Which signals should go together.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Meant {
+    last: Option<(i64, f64)>,
+    /// Sum and number of spool positions since then.
+    between: (f64, f64),
+    /// Spool against the servomotor's speed.
+    spool: CorrelationSums,
+    /// Command against servomotor.
+    command: CorrelationSums,
+    newest_command: Option<f64>,
+}
+
+impl Meant {
+    pub(super) fn take(&mut self, row: &ImportedRow) {
+        let (spool, opening) = (row.value(Target::SpoolPosition), row.value(Target::ServomotorPosition));
+        if let (Some(spool), Some(opening)) = (spool, opening) {
+            self.between = (self.between.0 + spool, self.between.1 + 1.0);
+            match self.last {
+                // Over less time a speed is the noise of two samples.
+                Some((time_ns, _)) if (0..SPEED_OVER_NS).contains(&(row.time_ns - time_ns)) => {}
+                last => {
+                    if let Some((time_ns, before)) = last
+                        && row.time_ns > time_ns
+                    {
+                        let step_s = seconds_from_nanos(row.time_ns - time_ns);
+                        self.spool.take(self.between.0 / self.between.1, (opening - before) / step_s);
+                    }
+                    self.last = Some((row.time_ns, opening));
+                    self.between = (0.0, 0.0);
+                }
+            }
+        }
+        self.newest_command = row.value(Target::OpeningCommand).or(self.newest_command);
+        if let (Some(command), Some(opening)) = (self.newest_command, opening) {
+            self.command.take(command, opening);
+        }
+    }
+
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let mut found = vec![];
+        if self.spool.correlation() < -DECIDES {
+            found.push(format!(
+                "spool_position: the servomotor moves against it (correlation of its speed with the spool {:.2}); a positive spool position \
+                 opens: turn it with `sign: -1`, or swap the ends of `range`",
+                self.spool.correlation()
+            ));
+        }
+        if self.command.correlation() < -DECIDES {
+            found.push(format!(
+                "servomotor_position: it moves against the command (correlation {:.2}); 1 is open: swap the ends of `range`",
+                self.command.correlation()
+            ));
+        }
+        found
+    }
+}

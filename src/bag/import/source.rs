@@ -1,0 +1,102 @@
+//! Sources of rows: tables and bags behind one face, told apart by their first bytes.
+
+pub(super) mod channel;
+pub(super) mod head;
+pub(super) mod records;
+pub(super) mod table;
+mod timing;
+
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
+
+use super::ImportError;
+use super::row::ImportedRow;
+use govtwin_files::check_regular;
+
+/// What a file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SourceKind {
+    /// Text in columns.
+    Table,
+    /// Apache Parquet.
+    Parquet,
+    /// A bag, in a file or a folder.
+    Bag,
+}
+
+/// Files that people have and that are none of these, by their first bytes, with the way out.
+const OTHERS: [(&[u8], &str); 9] = [
+    (b"PK\x03\x04", "a workbook or zip archive; in Excel or LibreOffice save the sheet as CSV, and import that"),
+    (
+        b"\xd0\xcf\x11\xe0",
+        "a workbook of the older kind; in Excel or LibreOffice save the sheet as CSV, and import that",
+    ),
+    (b"\x1f\x8b", "a file compressed with gzip; unpack it first: `gunzip -k FILE`"),
+    (b"\x28\xb5\x2f\xfd", "a file compressed with zstd; unpack it first: `zstd -d FILE`"),
+    (b"MATLAB", "a MAT-file; in MATLAB write the signals with `writetable(table(t, y, …), 'FILE.csv')`"),
+    (b"\x89HDF", "an HDF5 file, perhaps a MAT-file of version 7.3; write the signals as CSV or Parquet first"),
+    (b"TDSm", "a TDMS file; export it as CSV first"),
+    (b"#ROSBAG V", "a ROS 1 bag; convert it first: `rosbags-convert --src FILE --dst OUT`"),
+    (b"%PDF", "a PDF; ask for the table behind it"),
+];
+
+/// Tells what a file is by its first bytes; its name plays no part.
+///
+/// # Errors
+/// Where it cannot be read, is empty, or is something else, with the way out.
+pub fn kind_of(path: &Path) -> Result<SourceKind, ImportError> {
+    if path.is_dir() {
+        return Ok(SourceKind::Bag);
+    }
+    check_regular(path).map_err(ImportError::io(path, "read"))?;
+    let mut head = vec![];
+    let file = File::open(path).map_err(ImportError::io(path, "open"))?;
+    file.take(4096).read_to_end(&mut head).map_err(ImportError::io(path, "read"))?;
+    if head.is_empty() {
+        return Err(ImportError::file(path, "expected a table or a bag, found an empty file"));
+    }
+    if head.starts_with(mcap_magic()) || head.starts_with(b"SQLite format 3\0") {
+        return Ok(SourceKind::Bag);
+    }
+    if head.starts_with(b"PAR1") {
+        return Ok(SourceKind::Parquet);
+    }
+    if let Some((_, found)) = OTHERS.iter().find(|(magic, _)| head.starts_with(magic)) {
+        return Err(ImportError::file(path, format!("expected a table or a bag, found {found}")));
+    }
+    let marked = head.starts_with(b"\xff\xfe") || head.starts_with(b"\xfe\xff");
+    let zeros: usize = head.iter().map(|byte| usize::from(*byte == 0)).sum();
+    // Of text in two bytes a letter nearly every second byte is 0.
+    if zeros > 0 && !marked && !(zeros * 5 > head.len() * 2 && zeros * 5 < head.len() * 3) {
+        let found = "a file with zero bytes, which no table of text has";
+        return Err(ImportError::file(path, format!("expected a table or a bag, found {found}")));
+    }
+    Ok(SourceKind::Table)
+}
+
+/// The first bytes of an MCAP file.
+fn mcap_magic() -> &'static [u8] {
+    b"\x89MCAP0\r\n"
+}
+
+/// What a source has to say once it is read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct SourceNotes {
+    /// How it was understood.
+    pub(super) notes: Vec<String>,
+    /// What a user should look into.
+    pub(super) warnings: Vec<String>,
+}
+
+/// Rows in the order of a file.
+pub(super) trait Source {
+    /// The next row; none at the end.
+    fn next(&mut self) -> Result<Option<ImportedRow>, ImportError>;
+    /// The share of the file that is read.
+    fn share(&self) -> f64;
+    /// Numbers of the map's signals that it holds.
+    fn holds(&self) -> Vec<usize>;
+    /// What there is to say of it, at the end.
+    fn said(&self) -> SourceNotes;
+}

@@ -1,0 +1,161 @@
+//! What is known of a table before its records: names and units of its columns, and what they say.
+
+use std::path::PathBuf;
+
+use crate::import::convert::{UnitConversion, plain, pressure, share};
+use crate::import::dialect::bracketed;
+use crate::import::map::SignalMap;
+use crate::import::number::Numbers;
+use crate::import::row::Target;
+use govtwin_model::params::nearest;
+
+/// Names that columns of time have, in lower case, without what stands in brackets; the surest first.
+const TIMES: [&str; 26] = [
+    "timestamp",
+    "__time",
+    "time",
+    "t",
+    "time stamp",
+    "datetime",
+    "date_time",
+    "date/time",
+    "date time",
+    "datum/zeit",
+    "zeitstempel",
+    "zeit",
+    "uhrzeit",
+    "horodatage",
+    "heure",
+    "temps",
+    "fecha",
+    "tiempo",
+    "ora",
+    "time_s",
+    "t_s",
+    "time_ns",
+    "#time",
+    "date",
+    "datum",
+    "index",
+];
+/// Names of columns that hold a date beside a column of the time of day.
+const DATES: [&str; 3] = ["date", "datum", "fecha"];
+/// Names of the latter.
+const TIMES_OF_DAY: [&str; 5] = ["time", "zeit", "uhrzeit", "heure", "ora"];
+
+/// What is known of a table before its records.
+#[derive(Clone, Debug)]
+pub(in crate::import) struct TableHead {
+    pub(in crate::import) path: PathBuf,
+    pub(in crate::import) names: Vec<String>,
+    /// Units that the table states, empty where it does not.
+    pub(in crate::import) units: Vec<String>,
+    pub(in crate::import) numbers: Numbers,
+    /// How the file was understood.
+    pub(in crate::import) notes: Vec<String>,
+}
+
+impl TableHead {
+    /// The column of a name, `#3` being the third; none where there is none.
+    ///
+    /// # Errors
+    /// In words, where two columns have the name.
+    pub(in crate::import) fn find(&self, name: &str) -> Result<Option<usize>, String> {
+        let name = name.trim();
+        if let Some(number) = name.strip_prefix('#').and_then(|digits| digits.parse::<usize>().ok()) {
+            return Ok(number.checked_sub(1).filter(|index| *index < self.names.len()));
+        }
+        let bare = |known: &String| bracketed(known).is_some_and(|(bare, _)| bare == name);
+        for same in [&|known: &String| known == name, &bare as &dyn Fn(&String) -> bool] {
+            let places: Vec<usize> =
+                self.names.iter().enumerate().filter(|(_, known)| same(known)).map(|(index, _)| index).collect();
+            match places[..] {
+                [] => {}
+                [index] => return Ok(Some(index)),
+                [first, second, ..] => {
+                    let (first, second) = (first + 1, second + 1);
+                    return Err(format!(
+                        "`{name}` is the name of columns {first} and {second}; name the one you mean by its number, \"#{first}\""
+                    ));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// What to say of a column that is not there.
+    pub(in crate::import) fn absent(&self, name: &str) -> String {
+        const MOST: usize = 30;
+        let hint = nearest(name, self.names.iter().map(String::as_str));
+        let hint = hint.map_or(String::new(), |near| format!(" did you mean `{near}`?"));
+        let mut names: Vec<String> = self.names.iter().take(MOST).map(|name| format!("`{name}`")).collect();
+        if self.names.len() > MOST {
+            names.push(format!("and {} more", self.names.len() - MOST));
+        }
+        format!("there is no column `{name}`;{hint} columns: {}", names.join(", "))
+    }
+
+    /// The columns that by their names hold the time: one, or date and time of day.
+    pub(in crate::import) fn time_columns(&self) -> Vec<usize> {
+        let bare = |name: &String| bracketed(name).map_or(name.as_str(), |(bare, _)| bare).trim().to_lowercase();
+        let find = |wanted: &str| self.names.iter().position(|name| bare(name) == wanted);
+        let first = |names: &[&str]| names.iter().find_map(|name| find(name));
+        match (first(&DATES), first(&TIMES_OF_DAY)) {
+            (Some(date), Some(time)) => vec![date, time],
+            _ => first(&TIMES).into_iter().collect(),
+        }
+    }
+}
+
+/// What a cell that is no number may be.
+pub(super) fn hint(text: &str, numbers: &Numbers) -> String {
+    let digits = text.bytes().filter(u8::is_ascii_digit).count();
+    if digits == 0 || digits * 2 < text.len() {
+        return format!("; if it stands for no value, add it to `file: {{missing: [\"{text}\"]}}` in the map");
+    }
+    let other = if numbers.decimal == '.' { ',' } else { '.' };
+    match (text.matches(other).count(), text.contains(numbers.decimal)) {
+        (1, false) => format!("; give `file: {{decimal: \"{other}\"}}` in the map if that is the decimal sign"),
+        (0, _) => String::new(),
+        _ => format!("; give `file: {{thousands: \"{other}\"}}` in the map if that stands between groups of digits"),
+    }
+}
+
+/// The signal with the unit that its column's header states, where the map states none; where both do and differ, a warning.
+pub(super) fn with_header_unit(
+    one: &SignalMap,
+    stated: &str,
+    notes: &mut Vec<String>,
+    warnings: &mut Vec<String>,
+) -> SignalMap {
+    let mut one = one.clone();
+    let read = |text: &str| if one.target.is_pressure() { pressure(text) } else { share(text) };
+    let id = one.target.id();
+    if stated.is_empty() || one.target == Target::Esv {
+        return one;
+    }
+    if one.unit.is_empty() {
+        let takes_unit = one.conversion.range.is_none() || one.conversion.to != [0.0, 1.0];
+        match read(stated) {
+            Some(unit) if takes_unit => {
+                if unit != UnitConversion::ONE {
+                    notes.push(format!("{id}: unit `{stated}` as its header says"));
+                }
+                one.conversion.unit = unit;
+                stated.clone_into(&mut one.unit);
+            }
+            None if takes_unit => warnings.push(format!(
+                "{id}: its header says `{stated}`, and the map neither a `unit` nor, for a position, which values are closed and open \
+                 (`range`); taken as {}",
+                one.target.unit()
+            )),
+            _ => {}
+        }
+    } else if let (Some(header), Some(mapped)) = (read(stated), read(&one.unit))
+        && header != mapped
+    {
+        let mapped = plain(&one.unit);
+        warnings.push(format!("{id}: its header says `{stated}`, the map `{mapped}`; the map counts"));
+    }
+    one
+}

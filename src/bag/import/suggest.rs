@@ -1,0 +1,223 @@
+//! A map proposed for a file that nobody has mapped: by the names of its columns, their units, ranges and shapes.
+
+mod column;
+mod names;
+mod propose;
+mod rank;
+
+use std::path::Path;
+
+use super::ImportError;
+use super::csv_file::CsvFile;
+use super::map::{FileMap, Map, Repeated, TimeMap};
+use super::source::channel::ChannelValue;
+use super::source::head::TableHead;
+use super::source::records::{SAMPLED, TableRecords};
+use super::source::table::TableSource;
+use super::source::{Source as _, SourceKind, kind_of};
+use crate::{FieldReader, FieldValue, messages};
+
+pub use column::{Envelope, SuggestedColumn};
+pub use rank::Proposed;
+
+/// Columns of a file that are looked at.
+const MOST_COLUMNS: usize = 400;
+/// Rows between two calls of the progress.
+const ROWS_PER_CALL: u64 = 4096;
+
+/// What was understood of a file.
+#[derive(Clone, Debug)]
+pub struct Suggestion {
+    /// The map.
+    pub map: Map,
+    /// Every column or field, in the order of the file.
+    pub columns: Vec<SuggestedColumn>,
+    /// What each signal of the map was chosen by, in its order.
+    pub reasons: Vec<Proposed>,
+    /// How the file was understood.
+    pub notes: Vec<String>,
+    /// What its reader must decide, or should look into.
+    pub open: Vec<String>,
+    /// Rows, or messages.
+    pub rows: u64,
+}
+
+/// Looks through a file and proposes a map.
+///
+/// # Errors
+/// Where it cannot be read, or its time is not understood: then the error says which line of a map would help.
+pub fn suggest(path: &Path, given: &Map, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, ImportError> {
+    match kind_of(path)? {
+        SourceKind::Bag => of_bag(path, on_progress),
+        SourceKind::Table => {
+            let file = CsvFile::open(path, &given.file)?;
+            let mut layout = given.file.clone();
+            layout.separator = Some(file.dialect.separator);
+            layout.decimal = Some(file.dialect.numbers.decimal);
+            layout.header_line = Some(file.dialect.header_line);
+            layout.unit_line = file.dialect.unit_line;
+            layout.first_line = Some(file.dialect.first_line);
+            of_table(file.head.clone(), layout, given, || file.records(), on_progress)
+        }
+        #[cfg(feature = "parquet")]
+        SourceKind::Parquet => {
+            let file = super::parquet_file::ParquetFile::open(path)?;
+            of_table(file.head.clone(), FileMap::default(), given, || file.records(), on_progress)
+        }
+        #[cfg(not(feature = "parquet"))]
+        SourceKind::Parquet => Err(super::run::no_parquet(path)),
+    }
+}
+
+fn of_table<R: TableRecords>(
+    head: TableHead,
+    layout: FileMap,
+    given: &Map,
+    open: impl Fn() -> Result<R, ImportError>,
+    on_progress: &mut dyn FnMut(f64),
+) -> Result<Suggestion, ImportError> {
+    let map = Map { file: layout, time: given.time.clone(), ..Map::default() };
+    let names = head.names.clone();
+    let units = head.units.clone();
+    if let Some(long) = long_table(&head, &open)? {
+        return Err(ImportError::file(
+            &head.path,
+            format!(
+                "looks like a table with one value a line: column `{}` holds names; give a map with `file: {{tag_column: \"{}\", value_column: …}}` \
+                 and the tags as columns",
+                names[long], names[long]
+            ),
+        ));
+    }
+    let mut table = TableSource::new(head, &map, &open)?;
+    let (time_columns, time) = table.time(&map);
+    let mut columns: Vec<SuggestedColumn> =
+        names.iter().zip(&units).take(MOST_COLUMNS).map(|(name, unit)| SuggestedColumn::new(name, unit)).collect();
+    let mut rows = 0_u64;
+    let (mut newest_ns, mut repeated) = (None, 0_u64);
+    while let Some(time_ns) = table.advance()? {
+        repeated += u64::from(newest_ns == Some(time_ns));
+        newest_ns = Some(time_ns);
+        for (index, column) in columns.iter_mut().enumerate().filter(|(index, _)| !time_columns.contains(index)) {
+            column.take(time_ns, table.value(index));
+        }
+        rows += 1;
+        if rows.is_multiple_of(ROWS_PER_CALL) {
+            on_progress(table.share());
+        }
+    }
+    let said = table.said();
+    let mut place = 0;
+    columns.retain(|_| {
+        place += 1;
+        !time_columns.contains(&(place - 1))
+    });
+    let mut suggestion = rank::rank(Map { time, ..map }, columns, false);
+    suggestion.notes = said.notes;
+    suggestion.open.extend(said.warnings);
+    if 2 * repeated > rows {
+        // Most rows have the time of the one before: a clock without fractions of the second.
+        suggestion.map.time.repeated = Repeated::Spread;
+        suggestion.open.push(format!(
+            "time: {repeated} of {rows} rows have the time of the one before, as if an export had cut the fraction of the second; the map spreads \
+             them evenly (`repeated: spread`); an export with fractions is better"
+        ));
+    } else if 100 * repeated > rows {
+        suggestion.open.push(format!(
+            "time: {repeated} of {rows} rows have the time of the one before, as if an export had rounded them; where rows are evenly spaced, \
+             `rate_hz` in place of the column counts them"
+        ));
+    }
+    if names.len() > MOST_COLUMNS {
+        suggestion.notes.push(format!("of {} columns the first {MOST_COLUMNS} were looked at", names.len()));
+    }
+    suggestion.rows = rows;
+    Ok(suggestion)
+}
+
+/// The column of names in a table with one value a line: text that repeats itself beside few other columns.
+fn long_table<R: TableRecords>(
+    head: &TableHead,
+    open: &impl Fn() -> Result<R, ImportError>,
+) -> Result<Option<usize>, ImportError> {
+    if head.names.len() > 6 {
+        return Ok(None);
+    }
+    let time = head.time_columns();
+    let mut records = open()?;
+    let mut seen: Vec<(Vec<String>, usize)> = vec![(vec![], 0); head.names.len()];
+    let mut count = 0;
+    while count < SAMPLED && records.advance()? {
+        count += 1;
+        for (column, (words, texts)) in seen.iter_mut().enumerate() {
+            if let ChannelValue::Text(text) = records.value(column) {
+                *texts += 1;
+                if !words.iter().any(|known| known == text) {
+                    words.push(text.to_owned());
+                }
+            }
+        }
+    }
+    let is_tag = |column: &usize| {
+        let (words, texts) = &seen[*column];
+        let distinct = words.len();
+        let named = ["tag", "tagname", "name", "signal", "variable", "point", "messstelle", "kanal", "topic"]
+            .contains(&head.names[*column].trim().to_lowercase().as_str());
+        !time.contains(column) && *texts == count && count > 0 && named && distinct >= 1 && distinct * 2 <= count
+    };
+    Ok((0..head.names.len()).find(is_tag))
+}
+
+fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, ImportError> {
+    let bag = messages(path)?;
+    let total: u64 = bag.files().iter().map(|file| file.messages).sum();
+    let mut notes = vec![];
+    let mut readers = vec![];
+    for topic in bag.topics() {
+        match FieldReader::new(topic) {
+            Ok(reader) => {
+                notes.push(format!("topic {} of type {}", topic.name, topic.type_name));
+                // Positions of its joints are in m or rad, never in pu (REP 103).
+                let joints = topic.type_name == "sensor_msgs/msg/JointState";
+                readers.push((topic.name.clone(), reader, joints));
+            }
+            Err(problem) => notes.push(format!("topic {}: {problem}", topic.name)),
+        }
+    }
+    let mut columns: Vec<SuggestedColumn> = vec![];
+    let mut rows = 0_u64;
+    for message in bag {
+        let message = message?;
+        rows += 1;
+        if rows.is_multiple_of(ROWS_PER_CALL) {
+            on_progress(rows as f64 / total.max(1) as f64);
+        }
+        let Some((topic, reader, joints)) = readers.iter().find(|(name, ..)| *name == message.topic.name) else {
+            continue;
+        };
+        let time_ns = reader.stamp_ns(&message.data).unwrap_or(message.log_time_ns);
+        for (field, value) in reader.leaves(&message.data) {
+            if field.starts_with("header.") || field.starts_with("stamp.") {
+                continue;
+            }
+            let name = format!("{topic}.{field}");
+            let place = columns.iter().position(|column| column.name == name);
+            let place = place.or_else(|| {
+                (columns.len() < MOST_COLUMNS).then(|| {
+                    let unit = if *joints && field.starts_with("position") { "m" } else { "" };
+                    columns.push(SuggestedColumn::new(&name, unit));
+                    columns.len() - 1
+                })
+            });
+            let Some(column) = place.and_then(|place| columns.get_mut(place)) else { continue };
+            match &value {
+                FieldValue::Number(number) => column.take(time_ns, ChannelValue::Number(*number)),
+                FieldValue::Text(text) => column.take(time_ns, ChannelValue::Text(text)),
+            }
+        }
+    }
+    let mut suggestion = rank::rank(Map { time: TimeMap::default(), ..Map::default() }, columns, true);
+    suggestion.notes = notes;
+    suggestion.rows = rows;
+    Ok(suggestion)
+}

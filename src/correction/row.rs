@@ -1,0 +1,174 @@
+//! One row of what the residual may know: the inputs, the opening that the regulator reads, and the twin's own words.
+
+use serde::{Deserialize, Serialize};
+
+use govtwin_model::frame::{Estimate, EsvState, Frame};
+use govtwin_model::signal::Signal;
+
+/// Where the guide-vane opening of a row comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Opening {
+    /// The twin runs in closed loop: its own servomotor.
+    Simulated,
+    /// The measured servomotor feeds the twin's regulator (the paper's mode).
+    Measured,
+}
+
+impl Opening {
+    /// The name in files and words.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Simulated => "simulated",
+            Self::Measured => "measured",
+        }
+    }
+}
+
+/// What drives the twin between two recorded rows: the option `--rate-of-inputs`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RateOfInputs {
+    /// Inputs hold until the next row, as a live node holds what it heard last.
+    #[default]
+    Hold,
+    /// Inputs run straight from row to row, as a node has them whose commands come fast.
+    Linear,
+}
+
+impl RateOfInputs {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Hold, Self::Linear];
+
+    /// The name in files and words.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Hold => "hold",
+            Self::Linear => "linear",
+        }
+    }
+}
+
+/// One number of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum RowChannel {
+    /// Guide-vane opening command, pu.
+    Command,
+    /// Guide-vane opening, pu.
+    Opening,
+    /// Oil pressure of the pressure tank, Pa.
+    TankPressure,
+    /// Emergency shutdown valve: 1 normal, 0 shutdown.
+    Esv,
+    /// Command − opening, pu.
+    Error,
+    /// What the twin says of the signal to correct, in its unit.
+    Model,
+    /// The twin's spool speed, m/s.
+    SpoolSpeed,
+    /// The twin's servomotor speed, m/s.
+    ServomotorSpeed,
+    /// The twin's pilot-valve position, pu.
+    Pilot,
+    /// The twin's control pressure, Pa.
+    ControlPressure,
+    /// The regulator's demand on the spool, pu.
+    SpoolCommand,
+    /// The regulator's current to the proportional valve, pu.
+    ValveCurrent,
+}
+
+impl RowChannel {
+    /// All channels, in the order of a row.
+    pub const ALL: [Self; 12] = [
+        Self::Command,
+        Self::Opening,
+        Self::TankPressure,
+        Self::Esv,
+        Self::Error,
+        Self::Model,
+        Self::SpoolSpeed,
+        Self::ServomotorSpeed,
+        Self::Pilot,
+        Self::ControlPressure,
+        Self::SpoolCommand,
+        Self::ValveCurrent,
+    ];
+
+    /// The name in lists of features.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Command => "command_pu",
+            Self::Opening => "opening_pu",
+            Self::TankPressure => "tank_pressure_pa",
+            Self::Esv => "esv",
+            Self::Error => "error_pu",
+            Self::Model => "model",
+            Self::SpoolSpeed => "model_spool_speed_m_s",
+            Self::ServomotorSpeed => "model_servomotor_speed_m_s",
+            Self::Pilot => "model_pilot_pu",
+            Self::ControlPressure => "model_control_pressure_pa",
+            Self::SpoolCommand => "model_spool_command_pu",
+            Self::ValveCurrent => "model_valve_current_pu",
+        }
+    }
+
+    /// Whether it is the twin's word and not an input.
+    #[must_use]
+    pub(crate) fn is_model(self) -> bool {
+        self >= Self::Model
+    }
+}
+
+/// The channels at one instant, in the order of [`RowChannel::ALL`]; NaN where there is none.
+pub type ChannelRow = [f64; RowChannel::ALL.len()];
+
+/// Makes rows of frames and estimates; a measured opening holds from one sample to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RowMaker {
+    opening: Opening,
+    signal: Signal,
+    held_pu: f64,
+}
+
+impl RowMaker {
+    /// Rows for correcting a signal, with the opening from where it comes.
+    #[must_use]
+    pub fn new(opening: Opening, signal: Signal) -> Self {
+        Self { opening, signal, held_pu: f64::NAN }
+    }
+
+    /// Forgets the opening that it holds.
+    pub fn reset(&mut self) {
+        self.held_pu = f64::NAN;
+    }
+
+    /// The row of a frame and of what the twin said for it.
+    pub fn row(&mut self, frame: &Frame, estimate: &Estimate) -> ChannelRow {
+        let now_pu = match self.opening {
+            Opening::Simulated => estimate.signals.servomotor_position_pu,
+            Opening::Measured => frame.measured.servomotor_position_pu,
+        };
+        if self.opening == Opening::Simulated || !now_pu.is_nan() {
+            self.held_pu = now_pu;
+        }
+        let inputs = &frame.inputs;
+        [
+            inputs.opening_command_pu,
+            self.held_pu,
+            inputs.tank_pressure_pa,
+            f64::from(u8::from(inputs.esv == EsvState::Normal)),
+            inputs.opening_command_pu - self.held_pu,
+            self.signal.of(&estimate.signals),
+            estimate.spool_velocity_m_s,
+            estimate.servomotor_velocity_m_s,
+            estimate.signals.pilot_valve_position_pu,
+            estimate.signals.control_pressure_pa,
+            estimate.spool_command_pu,
+            estimate.valve_current_pu,
+        ]
+    }
+}

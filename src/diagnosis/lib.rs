@@ -1,0 +1,246 @@
+//! The sim-to-real diagnosis: where the gap lies, which effect causes it, how far it shrinks.
+//!
+//! The verdict is the most probable set of faults given all recordings, with model error and tolerances integrated out. [`diagnose`] is the whole
+//! of it, a pure function of recordings and the sheet: `preparation` makes recordings ready; [`model`] refits the sheet and puts effects and discrepancy
+//! terms onto a unit; [`evidence`] weighs one fitted set; [`hypotheses`] finds and fits the sets that are worth it and tabulates their evidence; [`decision`] makes
+//! that a posterior and reads the verdict off it; [`experiment`] proposes the next test; [`summary`] gathers what a reader needs to believe it, in the
+//! types of [`result`]. No room uses one that uses it.
+
+pub mod acceptance;
+pub mod decision;
+pub(crate) mod detectability;
+pub mod estimation;
+pub mod evidence;
+pub mod experiment;
+pub mod fleet;
+pub mod generate;
+pub(crate) mod homogeneity;
+pub mod hypotheses;
+pub mod identification;
+pub mod likelihood;
+pub mod model;
+pub(crate) mod preparation;
+pub mod replay_summary;
+pub mod result;
+pub mod sheet;
+pub mod stage_alone;
+pub mod stage_only;
+pub mod summary;
+pub mod trend;
+pub mod watch;
+pub mod words;
+
+use crate::decision::Decision;
+use crate::decision::posterior::Posterior;
+use crate::decision::weights::{Questions, Weights};
+use crate::hypotheses::table::EvidenceTable;
+use crate::hypotheses::{Exploration, Explored};
+use crate::likelihood::loop_noise::quieter;
+use crate::result::{Diagnosis, JudgedBy, Verdict};
+use crate::summary::{BeforeVerdict, Judged};
+use govtwin_model::effects::{CATALOGUE, EffectSpec, id_words};
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::signal::Signal;
+
+/// What to try.
+///
+/// ```
+/// use govtwin::DiagnosisSettings;
+///
+/// let mut settings = DiagnosisSettings::default();
+/// settings.catalogue.retain(|effect| effect.id != "backlash"); // the owner knows that there is none
+/// ```
+#[derive(Clone, Debug)]
+pub struct DiagnosisSettings {
+    /// The effects to try, in the order of reports.
+    pub catalogue: Vec<&'static EffectSpec>,
+    /// Seed of the resampling behind intervals of explained fractions.
+    pub seed: u64,
+    /// What is known of the unit beside its recordings.
+    pub judged_by: JudgedBy,
+}
+
+impl DiagnosisSettings {
+    /// Whether nothing but the servomotor stage is judged, and fitted freely.
+    fn is_free(&self) -> bool {
+        self.judged_by == JudgedBy::Nothing
+    }
+}
+
+impl Default for DiagnosisSettings {
+    fn default() -> Self {
+        Self { catalogue: CATALOGUE.iter().collect(), seed: 1, judged_by: JudgedBy::DataSheet }
+    }
+}
+
+/// Why there can be no diagnosis.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DiagnosisError {
+    /// Nothing to go by; each recording with its reason, or what is wrong with all of them.
+    #[error("no recording can be used for a diagnosis:\n  {}", .0.join("\n  "))]
+    Unusable(Vec<String>),
+    /// No effect to try.
+    #[error("the catalogue to try is empty; leave at least one effect in it")]
+    NothingToTry,
+}
+
+/// Diagnoses a unit from its recordings.
+///
+/// `progress` hears what goes on and the share of the work that is done, 0 to 1. The result depends on recordings, unit and settings
+/// alone, not on the number of threads.
+///
+/// It takes seconds to minutes: about 20 s for four recordings of 40 s on two cores. `examples/diagnose_unit.rs` runs it on shipped recordings.
+///
+/// # Errors
+/// With too few samples, or nothing to try.
+///
+/// ```no_run
+/// use govtwin::{DiagnosisSettings, ReadOptions, Verdict, diagnose, diagnosis_text, read_bag, reference_unit};
+///
+/// let bags = ["startup.mcap", "load_increase.mcap", "load_rejection.mcap"];
+/// let read = |bag: &&str| read_bag(bag.as_ref(), &ReadOptions::default()).map(|loaded| loaded.recording);
+/// let recordings = bags.iter().map(read).collect::<Result<_, _>>()?;
+/// let diagnosis = diagnose(recordings, &reference_unit(), &DiagnosisSettings::default(), &|_, _| ())?;
+/// if diagnosis.verdict == Verdict::Named {
+///     let ids: Vec<&str> = diagnosis.blamed.iter().map(|effect| effect.id.as_str()).collect();
+///     println!("{} explains {:.0} % of the gap", ids.join(" and "), 100.0 * diagnosis.explained_fraction.value);
+/// }
+/// println!("{}", diagnosis_text(&diagnosis, 100));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// Recordings that say nothing are refused:
+///
+/// ```
+/// use govtwin::{DiagnosisError, DiagnosisSettings, Recording, diagnose, reference_unit};
+///
+/// let empty = vec![Recording::new("empty", vec![])];
+/// let error = diagnose(empty, &reference_unit(), &DiagnosisSettings::default(), &|_, _| ()).unwrap_err();
+/// assert!(matches!(error, DiagnosisError::Unusable(_)));
+/// ```
+pub fn diagnose(
+    recordings: Vec<Recording>,
+    unit: &Unit,
+    settings: &DiagnosisSettings,
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<Diagnosis, DiagnosisError> {
+    if settings.catalogue.is_empty() {
+        return Err(DiagnosisError::NothingToTry);
+    }
+    progress("reading the channels", 0.0);
+    let channels = preparation::channels::survey(&recordings);
+    let ready = preparation::prepare(recordings, unit, settings)?;
+    let stage_only = !ready.whole.is_empty();
+    progress("refitting the sheet's parameters within their tolerances", 0.02);
+    let settings = &DiagnosisSettings { catalogue: ready.catalogue.clone(), ..settings.clone() };
+    let (mut problem, refitted, sheet) =
+        model::search::nominal(ready.recordings.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
+    let catalogue = &settings.catalogue;
+    let explore = |problem, refitted, sheet| Exploration::begin(problem, refitted, sheet, catalogue, progress);
+    let exploration = explore(&problem, &refitted, &sheet);
+    // What the likeliest set leaves tells the noise, and all fits count by that.
+    let renewed = exploration.leading_unit().and_then(|unit| quieter(&problem, &unit));
+    let mut explored = if let Some(quieter) = renewed {
+        progress("starting again with the noise that the likeliest set leaves", 0.2);
+        // Slopes are nearly all of the memory.
+        drop(exploration);
+        let (renewed, refitted, sheet) = model::search::renewed(&quieter, &refitted);
+        let explored = explore(&renewed, &refitted, &sheet).finish(progress);
+        problem = renewed;
+        explored
+    } else {
+        exploration.finish(progress)
+    };
+    if stage_only && !ready.sheet {
+        hypotheses::anew::singles(&mut explored, &problem, &sheet, &settings.catalogue);
+    }
+    progress("tabulating the evidence", 0.85);
+    let mut table = EvidenceTable::new(&problem, &explored, &settings.catalogue);
+    table.assumed_sheet = settings.judged_by == JudgedBy::AssumedSheet;
+    stage_only::left_out::add(&mut table, &problem, &explored, &ready);
+    let weights = Questions::of(&table).shipped();
+    let posterior = Posterior::new(&table, &weights, &[]);
+    let mut decision = Decision::new(&table, &posterior, &settings.catalogue);
+    let mut notes = ready.notes.clone();
+    if stage_only {
+        let (modest, dropped) = stage_only::modest(&problem, &explored, &ready, decision);
+        decision = modest;
+        notes.extend(dropped);
+    } else if let Some(strange) = homogeneity::disagreement(&problem, &explored) {
+        decision = decision.forced(Verdict::Unknown);
+        notes.push(strange);
+    }
+    notes.extend(rests_on(
+        &table,
+        &weights,
+        &decision,
+        &problem.recordings.iter().map(|recording| recording.name.clone()).collect::<Vec<_>>(),
+    ));
+    notes.extend(stretched(&explored, &decision));
+    explored.complete(&problem, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
+    progress("gathering what the report shows", 0.9);
+    let judged = Judged {
+        problem: &problem,
+        explored: &explored,
+        table,
+        posterior: &posterior,
+        decision: &decision,
+        weights: &weights,
+    };
+    let mut diagnosis = summary::gather(judged, &ready.unit, settings, BeforeVerdict { channels, notes });
+    diagnosis.part = stage_only::describe(&ready, &explored, &decision);
+    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.sheet) {
+        diagnosis.sheet_limits = None;
+        // What the most flexible law leaves is the error of equations, no transducer's noise.
+        let judged = diagnosis.gap.iter_mut().filter(|gap| gap.signal == Signal::ServomotorPosition);
+        judged.for_each(|gap| gap.noise_floor = part.transducers_pu);
+    }
+    Ok(diagnosis)
+}
+
+/// Distance from the sheet, in tolerances, that a reader should hear of: by chance one sheet in a thousand is so far off anywhere.
+const FAR_FROM_SHEET: f64 = 4.0;
+
+/// What is nearest where nothing has a name, and how far the sheet must be wrong for it.
+fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
+    let nearest = explored.leader();
+    let far = nearest.stretched(FAR_FROM_SHEET);
+    let unknown = decision.verdict == Verdict::Unknown;
+    let names: Vec<String> = nearest.ids().iter().map(|id| id_words(id)).collect();
+    let name = match names.join(" and ") {
+        name if unknown && !name.is_empty() => format!("Nearest in the catalogue: {name}. "),
+        _ => String::new(),
+    };
+    if far.is_empty() {
+        return (!name.is_empty()).then(|| format!("{name}It leaves more of the error than the right effect would."));
+    }
+    Some(format!(
+        "{name}The twin follows these recordings only if {}: the sheet is wrong there, or an effect with nearly the same signature acts. Correct \
+         the sheet or widen its tolerances if you know better.",
+        far.join(" and ")
+    ))
+}
+
+/// Which recording a name rests on: without it the posterior would name something else, or nothing.
+fn rests_on(table: &EvidenceTable, weights: &Weights, decision: &Decision, recordings: &[String]) -> Option<String> {
+    if decision.verdict != Verdict::Named {
+        return None;
+    }
+    if recordings.len() < 2 {
+        return Some(
+            "One recording alone: this is its best explanation, not confirmed by another recording.".to_owned(),
+        );
+    }
+    let without = |left: usize| Posterior::new(&table.without(left), weights, &[]);
+    let kept = |left: usize| {
+        let posterior = without(left);
+        decision.blamed.iter().all(|id| posterior.inclusion(table, id) > 0.5)
+    };
+    let needed: Vec<&str> =
+        (0..recordings.len()).filter(|&left| !kept(left)).map(|left| recordings[left].as_str()).collect();
+    (!needed.is_empty()).then(|| {
+        format!("Without {}, the other recordings would not name the same cause.", needed.join(", or without "))
+    })
+}

@@ -1,0 +1,311 @@
+//! A free run as laws without physics see it: time, spool and servomotor in whatever unit, and what a law of the spool makes of them.
+//!
+//! A law is linear in its coefficients: shapes of the spool, some time ago, whose sum is the speed, or what the position settles to. Its best fit
+//! is found at once, and so are fits that leave runs out (the output-error form: Ljung 1999, *System Identification*, section 4.2).
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::likelihood::prepared::PreparedRecording;
+use govtwin_model::signal::Signal;
+use govtwin_model::units::seconds_from_nanos;
+
+/// Lags of the spool that are tried, as shares of a run's length.
+const LAG_SHARES: [f64; 8] = [0.0, 0.003, 0.006, 0.012, 0.02, 0.03, 0.05, 0.08];
+
+/// Weight of the ridge that keeps shapes which never act from standing for anything.
+const RIDGE: f64 = 1e-9;
+
+/// How what the spool does comes late.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Lag {
+    /// As it is, but later, s.
+    Dead(f64),
+    /// Settling with this time constant, s.
+    Settling(f64),
+}
+
+impl Lag {
+    /// No lag, and the lags that are tried in runs of a length, s.
+    pub fn tried(length_s: f64) -> impl Iterator<Item = Self> {
+        let lags = move |kind: fn(f64) -> Self| LAG_SHARES.into_iter().map(move |share| kind(share * length_s));
+        lags(Self::Dead).chain(lags(Self::Settling).skip(1))
+    }
+
+    /// Its time, s.
+    #[must_use]
+    pub fn time_s(self) -> f64 {
+        match self {
+            Self::Dead(time_s) | Self::Settling(time_s) => time_s,
+        }
+    }
+
+    /// The same kind with another time, not below 0, s.
+    #[must_use]
+    pub(crate) fn with_time(self, time_s: f64) -> Self {
+        match self {
+            Self::Dead(_) => Self::Dead(time_s.max(0.0)),
+            Self::Settling(_) => Self::Settling(time_s.max(0.0)),
+        }
+    }
+}
+
+/// One free run, in the units of its recording.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// Time since its beginning, s.
+    pub time_s: Vec<f64>,
+    /// Spool position at each sample.
+    pub spool: Vec<f64>,
+    /// Servomotor position at each sample.
+    pub opening: Vec<f64>,
+}
+
+impl Run {
+    /// The samples of a recording that hold both positions; none where there are fewer than three.
+    #[must_use]
+    pub fn of(recording: &PreparedRecording) -> Option<Self> {
+        let mut run = Self { time_s: Vec::new(), spool: Vec::new(), opening: Vec::new() };
+        let mut begins_ns = None;
+        for &row in &recording.samples {
+            let frame = &recording.frames[row];
+            let [spool, opening] =
+                [Signal::SpoolPosition, Signal::ServomotorPosition].map(|signal| signal.of(&frame.measured));
+            if spool.is_finite() && opening.is_finite() {
+                run.time_s.push(seconds_from_nanos(frame.time_ns - *begins_ns.get_or_insert(frame.time_ns)));
+                run.spool.push(spool);
+                run.opening.push(opening);
+            }
+        }
+        (run.time_s.len() > 2).then_some(run)
+    }
+
+    /// Those of several recordings.
+    #[must_use]
+    pub fn all(recordings: &[PreparedRecording]) -> Vec<Self> {
+        recordings.iter().filter_map(Self::of).collect()
+    }
+
+    /// Its length, s.
+    #[must_use]
+    pub fn length_s(&self) -> f64 {
+        self.time_s.last().copied().unwrap_or(0.0)
+    }
+
+    /// The spool as it acts at each sample, behind a lag; straight between samples, and as at the beginning before it.
+    #[must_use]
+    pub(crate) fn lagged(&self, lag: Lag) -> Vec<f64> {
+        match lag {
+            Lag::Dead(time_s) if time_s > 0.0 => self.earlier(time_s),
+            Lag::Settling(time_s) if time_s > 0.0 => self.settled(time_s),
+            Lag::Dead(_) | Lag::Settling(_) => self.spool.clone(),
+        }
+    }
+
+    /// The spool a while ago.
+    fn earlier(&self, lag_s: f64) -> Vec<f64> {
+        let mut next = 0;
+        let at = |time_s: &f64| {
+            let time_s = time_s - lag_s;
+            while next < self.time_s.len() && self.time_s[next] <= time_s {
+                next += 1;
+            }
+            // A lag that rounds away leaves the last sample at its own time.
+            if next == 0 || next == self.time_s.len() {
+                return self.spool[next.saturating_sub(1)];
+            }
+            let share = (time_s - self.time_s[next - 1]) / (self.time_s[next] - self.time_s[next - 1]);
+            self.spool[next - 1] + share * (self.spool[next] - self.spool[next - 1])
+        };
+        self.time_s.iter().map(at).collect()
+    }
+
+    /// What settles to the spool, exact where that runs straight between samples.
+    fn settled(&self, constant_s: f64) -> Vec<f64> {
+        let mut at = self.spool[0];
+        let mut all = vec![at];
+        for k in 1..self.time_s.len() {
+            let step_s = self.time_s[k] - self.time_s[k - 1];
+            let behind = constant_s * (self.spool[k] - self.spool[k - 1]) / step_s;
+            at = self.spool[k] - behind + (-step_s / constant_s).exp() * (at - self.spool[k - 1] + behind);
+            all.push(at);
+        }
+        all
+    }
+
+    /// Free runs of a length, one behind another, each from its own measured start, without what is left over at the end, s.
+    #[must_use]
+    pub fn windows(&self, length_s: f64) -> Vec<Self> {
+        let mut all = Vec::new();
+        let mut from = 0;
+        for k in 0..self.time_s.len() {
+            if self.time_s[k] - self.time_s[from] < length_s {
+                continue;
+            }
+            if k - from > 1 {
+                all.push(Self {
+                    time_s: self.time_s[from..=k].iter().map(|time_s| time_s - self.time_s[from]).collect(),
+                    spool: self.spool[from..=k].to_vec(),
+                    opening: self.opening[from..=k].to_vec(),
+                });
+            }
+            from = k;
+        }
+        all
+    }
+
+    /// Every so many samples, so that no more than about `most` are left.
+    #[must_use]
+    pub fn thinned(&self, most: usize) -> Self {
+        let every = self.time_s.len().div_ceil(most.max(3)).max(1);
+        let of = |all: &[f64]| all.iter().step_by(every).copied().collect();
+        Self { time_s: of(&self.time_s), spool: of(&self.spool), opening: of(&self.opening) }
+    }
+}
+
+/// Typical length of runs, s.
+#[must_use]
+pub(crate) fn typical_s(runs: &[Run]) -> f64 {
+    let mut lengths: Vec<f64> = runs.iter().map(Run::length_s).collect();
+    lengths.sort_by(f64::total_cmp);
+    lengths.get(lengths.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// A law of the spool.
+pub struct SpoolLaw<'a> {
+    /// How late the spool acts.
+    pub lag: Lag,
+    /// Time in which the position settles to what the shapes say, s; none where they are its speed.
+    pub settles_s: Option<f64>,
+    /// Shapes of spool position, and of the position at the beginning.
+    pub shapes: &'a dyn Fn(f64, f64) -> Vec<f64>,
+}
+
+/// The normal equations of a law in one run.
+#[derive(Clone, Debug)]
+pub struct RunEquations {
+    hessian: DMatrix<f64>,
+    gradient: DVector<f64>,
+    /// Sum of squares of what the law is to explain.
+    square: f64,
+    /// Number of samples in it.
+    pub count: usize,
+}
+
+impl SpoolLaw<'_> {
+    /// Calls back with what each coefficient adds to the position by each sample but the first, and what is to be explained there.
+    fn each(&self, run: &Run, on_sample: &mut dyn FnMut(&[f64], f64)) {
+        let spool = run.lagged(self.lag);
+        let start = run.opening[0];
+        let mut sums: Vec<f64> = Vec::new();
+        let mut left = start;
+        for k in 1..run.time_s.len() {
+            let step_s = run.time_s[k] - run.time_s[k - 1];
+            let values = (self.shapes)(0.5 * (spool[k - 1] + spool[k]), start);
+            sums.resize(values.len(), 0.0);
+            let (decay, gain) = match self.settles_s {
+                None => (1.0, step_s),
+                Some(settles_s) => {
+                    let decay = if settles_s > 0.0 { (-step_s / settles_s).exp() } else { 0.0 };
+                    (decay, 1.0 - decay)
+                }
+            };
+            for (sum, value) in sums.iter_mut().zip(values) {
+                *sum = decay * *sum + gain * value;
+            }
+            left *= decay;
+            on_sample(&sums, run.opening[k] - left);
+        }
+    }
+
+    /// Its normal equations in each run.
+    #[must_use]
+    pub(crate) fn normals(&self, runs: &[Run]) -> Vec<RunEquations> {
+        let width = (self.shapes)(0.0, 0.0).len();
+        let of = |run: &Run| {
+            let mut normal = RunEquations {
+                hessian: DMatrix::zeros(width, width),
+                gradient: DVector::zeros(width),
+                square: 0.0,
+                count: run.time_s.len() - 1,
+            };
+            self.each(run, &mut |sums, goal| {
+                let row = DVector::from_column_slice(sums);
+                normal.gradient.axpy(goal, &row, 1.0);
+                normal.hessian.ger(1.0, &row, &row, 1.0);
+                normal.square += goal * goal;
+            });
+            normal
+        };
+        runs.iter().map(of).collect()
+    }
+
+    /// What it residuals in a run with these coefficients, sample by sample from the second.
+    #[must_use]
+    pub fn residuals(&self, run: &Run, coefficients: &DVector<f64>) -> Vec<f64> {
+        let mut residuals = Vec::with_capacity(run.time_s.len());
+        self.each(run, &mut |sums, goal| {
+            residuals.push(goal - sums.iter().zip(coefficients.iter()).map(|(a, b)| a * b).sum::<f64>());
+        });
+        residuals
+    }
+}
+
+impl RunEquations {
+    /// Sum of squares that the run residuals with these coefficients.
+    #[must_use]
+    pub fn missed(&self, coefficients: &DVector<f64>) -> f64 {
+        let said = coefficients.dot(&(&self.hessian * coefficients));
+        (self.square - 2.0 * coefficients.dot(&self.gradient) + said).max(0.0)
+    }
+}
+
+/// The coefficients that are best for some runs; none where nothing determines them.
+#[must_use]
+pub fn solved<'a>(normals: impl Iterator<Item = &'a RunEquations>) -> Option<DVector<f64>> {
+    let (hessian, gradient) = summed(normals)?;
+    solution(&hessian, &gradient)
+}
+
+/// Normal equations of several runs together.
+fn summed<'a>(normals: impl Iterator<Item = &'a RunEquations>) -> Option<(DMatrix<f64>, DVector<f64>)> {
+    normals
+        .map(|normal| (normal.hessian.clone(), normal.gradient.clone()))
+        .reduce(|one, other| (one.0 + other.0, one.1 + other.1))
+}
+
+fn solution(hessian: &DMatrix<f64>, gradient: &DVector<f64>) -> Option<DVector<f64>> {
+    let width = gradient.len();
+    // Each shape by its own size, so that the ridge means the same in every unit.
+    let sizes = DVector::from_fn(width, |k, _| hessian[(k, k)].max(0.0).sqrt().max(f64::MIN_POSITIVE.sqrt()));
+    let scaled = DMatrix::from_fn(width, width, |i, j| hessian[(i, j)] / (sizes[i] * sizes[j]));
+    let best = (scaled + DMatrix::identity(width, width) * RIDGE).cholesky()?.solve(&gradient.component_div(&sizes));
+    Some(best.component_div(&sizes))
+}
+
+/// Sum of squares that is missed in each run by a fit to the others; a single run is judged by its own.
+#[must_use]
+pub fn left_out(normals: &[RunEquations]) -> Option<f64> {
+    let (hessian, gradient) = summed(normals.iter())?;
+    let mut missed = 0.0;
+    for normal in normals {
+        let best = match normals.len() {
+            1 => solution(&hessian, &gradient),
+            _ => solution(&(&hessian - &normal.hessian), &(&gradient - &normal.gradient)),
+        };
+        missed += normal.missed(&best?);
+    }
+    Some(missed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A fit may end at a lag of next to nothing.
+    #[test]
+    fn a_lag_that_rounds_away_is_none() {
+        let run = Run { time_s: vec![0.0, 0.5, 60.0], spool: vec![0.0, 0.2, 0.7], opening: vec![0.0; 3] };
+        assert_eq!(run.lagged(Lag::Dead(1e-18)), run.spool);
+        assert_eq!(run.lagged(Lag::Dead(0.5)), [0.0, 0.0, 0.2 + 0.5 * 59.0 / 59.5]);
+    }
+}

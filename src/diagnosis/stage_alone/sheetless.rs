@@ -1,0 +1,221 @@
+//! A unit without a data sheet: a symmetric servomotor stage of the right speed, every tolerance wide, nothing else known.
+//!
+//! It has the reference unit's geometry, scaled so that it moves as fast as the recordings say. Areas and load balance, so that both
+//! directions are alike until an effect makes them differ; what an effect's size means in a unit of unknown size is its ratio to this one.
+
+use crate::identification::free_parameter::FreeParameter;
+use crate::likelihood::noise::{Noise, expected};
+use crate::likelihood::prepared::{PreparedRecording, join_spool};
+use crate::stage_alone::flexible::{Flexible, flexible};
+use crate::stage_alone::pieces::pieces;
+use crate::stage_alone::plain::{Plain, plain};
+use crate::stage_alone::run::Run;
+use govtwin_model::effects::{CATALOGUE, Stage};
+use govtwin_model::parameters::{ChannelReading, ChannelReadings, ENTRIES, EffectSetting, Tolerance, Unit};
+use govtwin_model::recording::Recording;
+use govtwin_model::signal::Signal;
+
+/// Load over the force that the tank's pressure gives: enough that its effect can speed up either direction.
+const LOAD_SHARE: f64 = 0.35;
+/// Coulomb friction, the same way.
+const FRICTION_SHARE: f64 = 0.02;
+/// Damping at full speed, as a share of the force that moves the piston.
+const DAMPING_SHARE: f64 = 0.1;
+/// Time to reach speed over the time for a full stroke.
+const INERTIA_SHARE: f64 = 0.01;
+/// Least overlap that a fit starts from, over the farthest spool position.
+const OVERLAP_SHARE: f64 = 0.01;
+/// Share of its stroke that the servomotor is taken to have travelled, and where that begins, pu.
+const TRAVELLED: (f64, f64) = (0.9, 0.05);
+/// Steps between the spool's ends to which its zero is rounded before the fit.
+const ZERO_STEPS: f64 = 100.0;
+/// Pieces that all recordings together are cut into, at most.
+const PIECES: usize = 6;
+/// How much smaller or larger than drawn areas may be taken.
+const AREA_SCALES: (f64, f64) = (1e-2, 50.0);
+/// What the wide tolerances are: a factor of e either way is one and a half deviations or less.
+const WIDE: [(&str, f64); 5] = [
+    ("main_ports.width_m", 1.5),
+    ("main_ports.overlap_m", 1.5),
+    ("servomotor.viscous_damping_n_s_m", 1.5),
+    ("servomotor.coulomb_friction_n", 1.0),
+    ("servomotor.moving_mass_kg", 1.0),
+];
+/// The effect that takes up where the spool's zero lies, which nobody knows without a sheet.
+pub(crate) const SPOOL_ZERO: &str = "lvdt_bias";
+/// Effects that only say in which units a signal was recorded.
+const UNITS_ONLY: [&str; 3] = ["lvdt_bias", "lvdt_gain", "feedback_bias"];
+
+/// Recordings of a stage of which no sheet is known, made ready for a fit.
+#[derive(Clone, Debug)]
+pub struct Sheetless {
+    /// The recordings, in pu of what was travelled.
+    pub whole: Vec<Recording>,
+    /// The same in pieces, each to be left out in turn.
+    pub pieces: Vec<PreparedRecording>,
+    /// The unit to begin from, which knows how its channels are recorded.
+    pub unit: Unit,
+    /// What is fitted of it.
+    pub free_parameters: Vec<FreeParameter>,
+    /// Noise to expect: of the servomotor what the most flexible law leaves.
+    pub noise: Noise,
+    /// What was done, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// Makes recordings ready; none where spool or servomotor stand still.
+///
+/// All that follows sees positions in pu of what was travelled, about the zero of the spool that the plain law finds, so that scale, offset and sign
+/// of either channel make no difference.
+#[must_use]
+pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit) -> Option<Sheetless> {
+    for recording in &mut whole {
+        join_spool(&mut recording.frames);
+    }
+    let recordings = |whole: &[Recording]| -> Vec<PreparedRecording> {
+        pieces(whole, PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect()
+    };
+    let as_recorded = recordings(&whole);
+    let (channels, mut notes) = into_pu(&mut whole, &plain(&Run::all(&as_recorded))?)?;
+    let pieces = recordings(&whole);
+    let runs = Run::all(&pieces);
+    let law = plain(&runs)?;
+    let seen = flexible(&runs, &law)?;
+    let mut unit = unit(reference, &law, pieces.first().map_or(0.1, |recording| recording.period_s));
+    unit.recorded = channels;
+    let mut noise = expected(&reference.sensors);
+    noise[Signal::ServomotorPosition as usize] = seen.noise;
+    notes.push(
+        "No data sheet: speed, overlap, damping, friction, mass and the spool's zero are fitted freely, from a stage that is equal in both \
+         directions. Sizes are those of a servomotor with the reference unit's geometry; only ratios carry over."
+            .to_owned(),
+    );
+    notes.push(error_of_equations(&seen));
+    Some(Sheetless { whole, pieces, free_parameters: free_parameters(&unit), unit, noise, notes })
+}
+
+/// What is taken for noise where no sheet names a transducer.
+fn error_of_equations(seen: &Flexible) -> String {
+    format!(
+        "No transducer data: from the changes between neighbouring samples, their noise causes an error of {:.2} % of the travel; effects are \
+         compared with the error of the most flexible law of spool and opening, {:.2} %.",
+        100.0 * seen.transducers / TRAVELLED.0,
+        100.0 * seen.noise.wander.hypot(seen.noise.white) / TRAVELLED.0
+    )
+}
+
+/// The unit, made to the speed and the dead band of the recordings; `period_s` is the time between their samples.
+fn unit(reference: &Unit, law: &Plain, period_s: f64) -> Unit {
+    let mut unit = reference.clone();
+    let p = &mut unit.parameters;
+    let (supply_pa, return_pa) = (p.oil.tank_pressure_pa, p.oil.return_pressure_pa);
+    let valve = &mut p.distributing_valve;
+    (valve.stroke_min_m, valve.stroke_max_m) = (-0.09, 0.09);
+    let servo = &mut p.servomotor;
+    // The farthest position of the spool is 1 pu.
+    let open_pu = (1.0 - law.half_band).clamp(0.1, 1.0);
+    let gain_1_s = 0.5 * (law.above_1_s.abs() + law.below_1_s.abs());
+    let speed_m_s = (gain_1_s * open_pu * servo.stroke_m).max(1e-6);
+    let travel_m = open_pu * valve.reference_stroke_m;
+    p.main_ports.overlap_m = law.half_band.clamp(OVERLAP_SHARE, 0.5) * valve.reference_stroke_m;
+
+    // Areas make the speed, so that flows stay what the sizes of effects are meant for; the width makes up what areas cannot.
+    let (large_m2, load_n) = (servo.opening_area_m2, LOAD_SHARE * supply_pa * servo.opening_area_m2);
+    let small_m2 = large_m2 - 2.0 * load_n / (supply_pa + return_pa);
+    let friction_n = FRICTION_SHARE * supply_pa * large_m2;
+    let drive_n = supply_pa * large_m2 - return_pa * small_m2 - load_n - friction_n;
+    let per_width = p.esv.discharge_coefficient * (2.0 / p.oil.density_kg_m3).sqrt() * travel_m * drive_n.sqrt();
+    let as_drawn_m_s = per_width * p.main_ports.width_m / (large_m2.powi(3) + small_m2.powi(3)).sqrt();
+    let scale = (as_drawn_m_s / speed_m_s).clamp(AREA_SCALES.0, AREA_SCALES.1);
+    p.main_ports.width_m = (p.main_ports.width_m * scale * speed_m_s / as_drawn_m_s).clamp(1e-5, 5.0);
+    // The load helps the faster direction, which is the opening one here, and whose area is the smaller.
+    (servo.opening_area_m2, servo.closing_area_m2, servo.load_closed_n) =
+        (scale * small_m2, scale * large_m2, -scale * load_n);
+    servo.load_slope_n = 0.0;
+    servo.coulomb_friction_n = scale * friction_n;
+    servo.dead_volume_m3 *= scale;
+    servo.viscous_damping_n_s_m = DAMPING_SHARE * scale * drive_n / speed_m_s;
+    let mass_kg = INERTIA_SHARE * scale * drive_n * servo.stroke_m / (speed_m_s * speed_m_s);
+    servo.moving_mass_kg = mass_kg.clamp(1.0, 1.0e10);
+    // Ticks as long as the recording allows; the large loop does nothing here.
+    p.regulator.small_loop_period_s = (0.1 * period_s).clamp(1e-4, 0.02);
+    p.regulator.large_loop_period_s = 10.0 * p.regulator.small_loop_period_s;
+    for (tolerance, entry) in unit.tolerances.iter_mut().zip(ENTRIES) {
+        *tolerance = WIDE.iter().find(|(key, _)| *key == entry.key).map(|(_, wide)| Tolerance::LogNormal(*wide));
+    }
+    unit.effects = vec![EffectSetting { id: SPOOL_ZERO.to_owned(), values: vec![0.0] }];
+    unit
+}
+
+/// What is fitted of such a unit: the wide tolerances and the spool's zero.
+fn free_parameters(unit: &Unit) -> Vec<FreeParameter> {
+    let zero = CATALOGUE.iter().filter(|spec| spec.id == SPOOL_ZERO).flat_map(|spec| spec.parameters);
+    let zero = zero.take(unit.effects.len()).map(|spec| FreeParameter::Effect { effect: 0, parameter: 0, spec });
+    FreeParameter::nuisances(unit).into_iter().chain(zero).collect()
+}
+
+/// True for an effect that means something in a unit of unknown size.
+#[must_use]
+pub(crate) fn means_something(id: &str) -> bool {
+    !UNITS_ONLY.contains(&id)
+}
+
+/// True for a parameter that acts behind the spool.
+#[must_use]
+pub(crate) fn acts_behind_the_spool(free_parameter: &FreeParameter) -> bool {
+    let FreeParameter::Parameter { index, .. } = free_parameter else { return true };
+    let key = ENTRIES[*index].key;
+    let sections = ["oil.", "main_ports.", Stage::Servomotor.id()];
+    sections.iter().any(|section| key.starts_with(section)) || key == "esv.discharge_coefficient"
+}
+
+/// Turns and scales recordings so that the spool opens upwards from its zero to 1 pu at its farthest, and the servomotor travels the middle nine
+/// tenths of its stroke; says what was done.
+fn into_pu(recordings: &mut [Recording], law: &Plain) -> Option<(ChannelReadings, Vec<String>)> {
+    let ends = |signal: Signal| {
+        let values = recordings.iter().flat_map(|r| r.frames.iter().map(|frame| signal.of(&frame.measured)));
+        values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+    };
+    let (spool, opening) = (ends(Signal::SpoolPosition), ends(Signal::ServomotorPosition));
+    // The fit finds it closer; what the search ends at must not make a difference.
+    let zero =
+        spool.0 + (spool.1 - spool.0) * ((law.zero - spool.0) / (spool.1 - spool.0) * ZERO_STEPS).round() / ZERO_STEPS;
+    let farthest = (spool.1 - zero).abs().max((zero - spool.0).abs());
+    if !(farthest.is_finite() && farthest > 0.0 && opening.1 > opening.0) {
+        return None;
+    }
+    let turned = law.above_1_s + law.below_1_s < 0.0;
+    // Which way is opening nobody knows: the faster one counts as it, so that the sign of neither channel makes a difference.
+    let faster_above = law.above_1_s.abs() > law.below_1_s.abs();
+    let full = if faster_above { zero + farthest } else { zero - farthest };
+    let rises = faster_above != turned;
+    let mut notes = vec![format!(
+        "The spool position is recorded from {:.4} to {:.4}: {zero:.4} is taken as its zero, from the speed of the servomotor, and {full:.4} is \
+         taken as full stroke, on the side where the servomotor is faster.",
+        spool.0, spool.1
+    )];
+    if turned {
+        notes.push(
+            "The servomotor moves against the sign of the spool: the sign of the spool position was reversed."
+                .to_owned(),
+        );
+    }
+    notes.push(format!(
+        "The servomotor position runs from {:.4} to {:.4}: taken as 5 % to 95 % of its stroke; opening is where it {}.",
+        opening.0,
+        opening.1,
+        if rises { "rises" } else { "falls" }
+    ));
+    let scale_pu = TRAVELLED.0 / (opening.1 - opening.0) * if rises { 1.0 } else { -1.0 };
+    let begins = if rises { opening.0 } else { opening.1 };
+    let channels = ChannelReadings {
+        spool_position: ChannelReading::between(zero, full),
+        servomotor_position: ChannelReading { scale_pu, offset_pu: TRAVELLED.1 - begins * scale_pu },
+    };
+    for frame in recordings.iter_mut().flat_map(|recording| &mut recording.frames) {
+        let measured = &mut frame.measured;
+        measured.spool_position_pu = channels.spool_position.position_pu(measured.spool_position_pu);
+        measured.servomotor_position_pu = channels.servomotor_position.position_pu(measured.servomotor_position_pu);
+    }
+    Some((channels, notes))
+}

@@ -1,0 +1,57 @@
+//! The four answers at the head of a benchmark's page: how often verdicts are right, how sure, whether intervals hold, and the causes of the misses.
+
+use super::{interval, value_text};
+use crate::benchmark::score::Score;
+use crate::benchmark::scored::{MissedBy, ScoredUnit};
+use govtwin_diagnosis::words::capital;
+
+/// The answers, each under its question.
+pub fn answers(score: &Score, cases: &[ScoredUnit]) -> [(&'static str, Vec<String>); 4] {
+    let judged = score.measures.iter().filter(|measure| measure.reached.is_some()).count();
+    let reached = score.measures.iter().filter(|measure| measure.reached == Some(true)).count();
+    let mut cause =
+        vec![format!("{reached} of {judged} targets reached on {} units whose faults were withheld.", cases.len())];
+    cause.extend(sentence(score, &["single_first", "single_in_class", "stage"]));
+    let sure = sentence(score, &["false_alarm", "detection", "false_unknown", "unknown", "probability"]);
+    let far = sentence(score, &["closure_coverage", "size_coverage"]);
+    let next = misses_in_words(cases).unwrap_or_else(|| "No fault was missed.".to_owned());
+    [
+        ("Result", cause),
+        ("How sure", sure.into_iter().collect()),
+        ("Intervals", far.into_iter().collect()),
+        ("What next", vec![next]),
+    ]
+}
+
+/// Measures with their intervals in a sentence; none where nothing was counted.
+fn sentence(score: &Score, ids: &[&str]) -> Option<String> {
+    let counted = |id: &&str| score.measures.iter().find(|measure| measure.id == *id && measure.measured.cases > 0);
+    let said: Vec<String> = ids
+        .iter()
+        .filter_map(counted)
+        .map(|one| format!("{}: {} {} of {}", one.name, value_text(one), interval(one), one.measured.cases))
+        .collect();
+    (!said.is_empty()).then(|| format!("{}.", capital(&said.join("; "))))
+}
+
+/// How many answers missed, and by what; none where nothing was missed.
+#[must_use]
+pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
+    let missed = cases.iter().filter(|case| case.missed()).count();
+    let by = |what: Option<MissedBy>| cases.iter().filter(|case| case.missed() && case.missed_by() == what).count();
+    let [recordings, tolerance, method] = MissedBy::ALL.map(|what| by(Some(what)));
+    (missed > 0).then(|| {
+        let [miss, name] = if missed == 1 { ["misses", "names"] } else { ["miss", "name"] };
+        let mut words = format!(
+            "{missed} of {} answers {miss} a fault or {name} a false one. Due to the recordings: {recordings}; by the catalogue's equations the missed \
+             fault is too small in them or too similar to the answer. Due to the method's tolerance: {tolerance}; the answer leaves no more \
+             than a right model may, and a stricter method might have found the fault. Due to the method: {method}.",
+            cases.len()
+        );
+        let unknown = by(None);
+        if unknown > 0 {
+            words += &format!(" Cause unknown: {unknown}.");
+        }
+        words
+    })
+}

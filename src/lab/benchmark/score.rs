@@ -1,0 +1,423 @@
+//! The measures: how right the diagnoses of a set of units were.
+
+use crate::benchmark::scored_report::ScoredReport as _;
+use std::collections::BTreeMap;
+
+use crate::benchmark::scored::{MissedBy, ScoredUnit};
+use crate::benchmark::statistics::{Bin, Measured, StatedProbability, reliability, weight_of_sound};
+use govtwin_diagnosis::result::Verdict;
+
+/// A measure without a target; of others the words, and from what to what the value may lie.
+const OPEN: (&str, f64, f64) = ("", 0.0, 1.0);
+/// One measure with its target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScoredMeasure {
+    /// Key in files.
+    pub id: &'static str,
+    /// What it is.
+    pub name: &'static str,
+    /// Its value.
+    pub measured: Measured,
+    /// The target, in words; empty where there is none.
+    pub target: &'static str,
+    /// Whether the value reaches the target; none without target or cases.
+    pub reached: Option<bool>,
+    /// What stands in the way; none where nothing is known of misses.
+    pub misses: Option<Misses>,
+}
+
+/// The misses of a measure, and what they lie with ([`ScoredUnit::missed_by`]); of some nothing may be known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Misses {
+    /// All of them.
+    pub all: usize,
+    /// Those that lie with each of [`MissedBy::ALL`].
+    pub by: [usize; 3],
+}
+
+/// The score of one method.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Score {
+    /// Units that were scored.
+    pub units: usize,
+    /// All measures.
+    pub measures: Vec<ScoredMeasure>,
+    /// How often each word was said of each truth.
+    pub confusion: Confusion,
+    /// Probabilities said against how often it was so, where half of the units are sound, as the learned weights take it.
+    pub reliability: Vec<Bin>,
+}
+
+/// Truths by words: counts.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Confusion {
+    /// What is so: `none`, effects, `outside`.
+    pub truths: Vec<String>,
+    /// What was said: `none`, effects, `unknown`.
+    pub words: Vec<String>,
+    /// Counts by truth, then by word.
+    pub counts: Vec<Vec<usize>>,
+}
+
+/// Scores a set of units.
+#[must_use]
+pub fn score(cases: &[ScoredUnit]) -> Score {
+    let sound = weight_of_sound(cases.iter().filter(|case| case.sound()).count(), cases.len());
+    let mut claims = Vec::new();
+    for case in cases {
+        let weight = if case.sound() { sound } else { 1.0 };
+        claims.extend(case.report.ranking.iter().map(|rank| StatedProbability {
+            stated_probability: case.report.probability(&rank.id),
+            was: case.holds(&rank.id),
+            weight,
+        }));
+    }
+    let (units, measures, confusion) = (cases.len(), measures(cases), confusion(cases));
+    Score { units, measures, confusion, reliability: reliability(&claims) }
+}
+
+/// The share of cases of which something holds, and its misses; `good` says whether it is good that it holds.
+fn share<'a>(
+    cases: impl Iterator<Item = &'a ScoredUnit>,
+    good: bool,
+    holds: impl Fn(&ScoredUnit) -> bool,
+) -> (Measured, Option<Misses>) {
+    let (hits, missed): (Vec<bool>, Vec<Option<MissedBy>>) = cases
+        .map(|case| {
+            let hit = holds(case);
+            (hit, (hit != good).then(|| case.missed_by()).flatten())
+        })
+        .unzip();
+    let all = hits.iter().filter(|hit| **hit != good).count();
+    let by = MissedBy::ALL.map(|what| missed.iter().filter(|missed| **missed == Some(what)).count());
+    (Measured::of(hits), (by != [0; 3]).then_some(Misses { all, by }))
+}
+
+fn measures(cases: &[ScoredUnit]) -> Vec<ScoredMeasure> {
+    let all = || cases.iter();
+    let singles = || all().filter(|case| case.single());
+    let pairs = || all().filter(|case| case.pair());
+    let triples = || all().filter(|case| case.triple());
+    let outside = || all().filter(|case| !case.label.listed);
+    let shares = |named: &ScoredUnit| named.label.effects.iter().filter(|truth| named.report.blames(&truth.id)).count();
+    // A class says that one of them is there.
+    let every = |case: &ScoredUnit| case.names() && shares(case) == case.label.effects.len();
+    let named = || all().filter(|case| case.label.listed && case.names());
+    let detects = |case: &ScoredUnit| case.report.detects();
+    let unknown = |case: &ScoredUnit| case.says(Verdict::Unknown);
+    let probabilities: Vec<f64> = singles().map(|case| case.report.probability(case.first_truth())).collect();
+    let seconds: Vec<f64> = all().filter_map(|case| case.report.seconds).collect();
+    let only = |measured| (measured, None);
+    let explained_fraction = only(Measured::of(all().filter_map(ScoredUnit::explained_fraction_is_covered)));
+    let size = only(Measured::of(all().filter_map(ScoredUnit::size_is_covered)));
+    let probability = only(Measured::mean_probability(&probabilities));
+    let time = only(Measured::mean(&seconds));
+
+    let row =
+        |id, name, (target, low, high): (&'static str, f64, f64), (measured, misses): (Measured, Option<Misses>)| {
+            let judged = measured.cases > 0 && !target.is_empty();
+            let reached = judged.then(|| (low..=high).contains(&measured.value));
+            ScoredMeasure { id, name, measured, target, reached, misses }
+        };
+    // Of all such units, and of those whose faults show.
+    let twice = |ids: [&'static str; 2], name, target, of: fn(&ScoredUnit) -> bool, holds: fn(&ScoredUnit) -> bool| {
+        let visible = share(all().filter(|case| of(case) && case.visible()), true, holds);
+        [
+            row(ids[0], name, target, share(all().filter(|case| of(case)), true, holds)),
+            row(ids[1], "… of those at ≥ 3 times the noise", OPEN, visible),
+        ]
+    };
+    let false_alarm = share(all().filter(|case| case.sound()), false, detects);
+    let detection = share(all().filter(|case| case.visible()), true, detects);
+    let placed = share(outside().filter(|case| unknown(case)), true, ScoredUnit::stage_is_right);
+    let false_unknown = share(all().filter(|case| case.label.listed), false, unknown);
+    let (first, in_class) = (ScoredUnit::is_first, ScoredUnit::blamed_in_small_class);
+    let (single, faulty) = (ScoredUnit::single, |case: &ScoredUnit| !case.sound());
+    let mut rows = vec![
+        row("false_alarm", "false alarm on sound units", ("≤ 2 %", 0.0, 0.02), false_alarm),
+        row("detection", "detection at ≥ 3 times the noise", ("≥ 95 %", 0.95, 1.0), detection),
+    ];
+    let target = ("≥ 85 %", 0.85, 1.0);
+    rows.extend(twice(["single_first", "single_first_visible"], "right single effect first", target, single, first));
+    let (name, target) = ("right single effect in a class of at most 3", ("≥ 95 %", 0.95, 1.0));
+    rows.extend(twice(["single_in_class", "single_in_class_visible"], name, target, single, in_class));
+    rows.extend(twice(["stage", "stage_visible"], "stage right", target, faulty, ScoredUnit::stage_is_right));
+    rows.extend([
+        row("probability", "mean probability on the true effect", ("≥ 0.85", 0.85, 1.0), probability),
+        row("pair_both", "pairs: both named", ("≥ 60 %", 0.6, 1.0), share(pairs(), true, every)),
+        row(
+            "pair_one",
+            "pairs: at least one named",
+            ("≥ 95 %", 0.95, 1.0),
+            share(pairs(), true, |case| shares(case) > 0),
+        ),
+        row("triple_all", "triples: all three named", OPEN, share(triples(), true, every)),
+        row("triple_one", "triples: at least one named", OPEN, share(triples(), true, |case| shares(case) > 0)),
+        row(
+            "made_up",
+            "named verdicts with an effect that is not there",
+            OPEN,
+            share(named(), false, ScoredUnit::makes_up),
+        ),
+        row("unknown", "outside the catalogue called unknown", ("≥ 80 %", 0.8, 1.0), share(outside(), true, unknown)),
+        row("unknown_stage", "… and placed in the right stage", OPEN, placed),
+        row("false_unknown", "false unknown", ("≤ 5 %", 0.0, 0.05), false_unknown),
+        row(
+            "closure_coverage",
+            "explained fraction on fresh recordings inside the 90 % interval",
+            ("85–95 %", 0.85, 0.95),
+            explained_fraction,
+        ),
+        row("size_coverage", "true size inside the 90 % interval", OPEN, size),
+        row("seconds", "time for one unit, s", ("≤ 60 s", 0.0, 60.0), time),
+    ]);
+    rows
+}
+
+fn confusion(cases: &[ScoredUnit]) -> Confusion {
+    let mut counts: BTreeMap<(usize, String), BTreeMap<(usize, String), usize>> = BTreeMap::new();
+    let place = |word: &str| {
+        let order = match word {
+            "none" => 0,
+            "outside" | "unknown" => 2,
+            _ => 1,
+        };
+        (order, word.to_owned())
+    };
+    for case in cases.iter().filter(|case| !case.pair() && !case.triple()) {
+        let truth = if case.label.listed { case.first_truth() } else { "outside" };
+        *counts.entry(place(truth)).or_default().entry(place(case.report.word())).or_default() += 1;
+    }
+    let mut words: Vec<(usize, String)> = counts.values().flat_map(|row| row.keys().cloned()).collect();
+    words.sort();
+    words.dedup();
+    Confusion {
+        truths: counts.keys().map(|(_, truth)| truth.clone()).collect(),
+        counts: counts
+            .values()
+            .map(|row| words.iter().map(|word| row.get(word).copied().unwrap_or(0)).collect())
+            .collect(),
+        words: words.into_iter().map(|(_, word)| word).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::{Label, TrueFault};
+    use govtwin_diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
+    use govtwin_diagnosis::result::schema::DiagnosisReport;
+    use govtwin_diagnosis::result::{Blame, Fitted, Interval, Ranked, Verdict};
+    use govtwin_model::effects::{Stage, find};
+
+    fn truth(id: &str, stage: Stage) -> TrueFault {
+        TrueFault { id: id.into(), stage, size: 1.0, unit: "1".into(), meaning: String::new() }
+    }
+
+    /// A case: true ids, listed, strength, verdict, stage said, blamed ids with a probability each.
+    fn case(
+        truths: &[&str],
+        listed: bool,
+        strength: f64,
+        verdict: &str,
+        stage: &str,
+        blamed: &[(&str, f64)],
+    ) -> ScoredUnit {
+        let share = |low, high| Interval { value: 1.0, low, high };
+        let said = |word: &str| if verdict == word { 0.95 } else { 0.01 };
+        let ranking = blamed.iter().copied().chain([("unknown", said("unknown")), ("none", said("no_gap"))]);
+        let size = Fitted {
+            name: "size".into(),
+            unit: "1",
+            value: share(0.9, 1.2),
+            sheet: 0.0,
+            position: 1.0,
+            information: 1.0,
+            at_bound: false,
+        };
+        let verdict = Verdict::ALL.into_iter().find(|known| known.id() == verdict).unwrap();
+        let mut report = DiagnosisReport::of_verdict(verdict);
+        report.location.stage = Stage::with_id(stage);
+        report.effects = blamed
+            .iter()
+            .map(|(id, p)| Blame { parameters: vec![size.clone()], ..Blame::unsized_effect(find(id).unwrap(), *p) })
+            .collect();
+        report.ranking = ranking.map(|(id, probability)| Ranked { id: id.into(), probability }).collect();
+        report.gap.explained_fraction = share(0.8, 0.95);
+        report.seconds = Some(10.0);
+        ScoredUnit {
+            report,
+            label: Label {
+                name: String::new(),
+                effects: truths.iter().map(|id| truth(id, Stage::Servomotor)).collect(),
+                listed,
+                strength_ratio: strength,
+                rate_hz: 100.0,
+            },
+            realised_fraction: Some(0.9),
+            expected_log_bayes_factor: None,
+        }
+    }
+
+    fn hand_made() -> Vec<ScoredUnit> {
+        vec![
+            case(&[], true, 0.0, "no_gap", "", &[]),
+            case(&[], true, 0.0, "named", "esv", &[("esv_slow", 0.8)]),
+            case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]),
+            case(&["load"], true, 4.0, "class", "servomotor", &[("servo_leak", 0.5), ("load", 0.4)]),
+            case(&["load"], true, 1.0, "no_gap", "", &[]),
+            case(&["load", "backlash"], true, 9.0, "named", "servomotor", &[("load", 0.9), ("backlash", 0.8)]),
+            case(&["load", "backlash"], true, 9.0, "named", "servomotor", &[("load", 0.9)]),
+            case(&["surge"], false, 9.0, "unknown", "servomotor", &[]),
+            case(&["cushion"], false, f64::NAN, "named", "supply", &[("supply_loss", 0.6)]),
+        ]
+    }
+
+    #[test]
+    fn measures_are_those_counted_by_hand() {
+        let score = score(&hand_made());
+        let of = |id: &str| score.measures.iter().find(|measure| measure.id == id).unwrap();
+        for (id, hits, cases) in [
+            ("false_alarm", 1, 2),
+            ("detection", 6, 6),
+            ("single_first", 1, 3),
+            ("single_first_visible", 1, 2),
+            ("single_in_class", 2, 3),
+            ("single_in_class_visible", 2, 2),
+            ("stage", 5, 7),
+            ("stage_visible", 5, 6),
+            ("pair_both", 1, 2),
+            ("pair_one", 2, 2),
+            ("unknown", 1, 2),
+            ("unknown_stage", 1, 1),
+            ("false_unknown", 0, 7),
+            ("made_up", 1, 4),
+            ("closure_coverage", 6, 6),
+            ("size_coverage", 2, 2),
+        ] {
+            assert_eq!(of(id).measured, Measured::share(hits, cases), "{id}");
+        }
+        assert!((of("probability").measured.value - (0.9 + 0.4 + 0.0) / 3.0).abs() < 1e-12);
+        let mut open = case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]);
+        assert_eq!(open.explained_fraction_is_covered(), Some(true));
+        open.report.gap.explained_fraction = Interval { value: 0.5, low: 0.0, high: 1.0 };
+        assert_eq!(open.explained_fraction_is_covered(), None, "what says nothing is no claim");
+        assert_eq!(of("seconds").measured.value, 10.0);
+        assert_eq!(of("false_alarm").reached, Some(false));
+        assert_eq!(of("detection").reached, Some(true));
+        assert_eq!(of("stage_visible").reached, None);
+    }
+
+    #[test]
+    fn a_name_too_many_is_a_miss_and_a_class_is_one_effect() {
+        let named = |blamed: &[(&str, f64)]| case(&["backlash"], true, 9.0, "named", "servomotor", blamed);
+        let more = named(&[("backlash", 0.9), ("viscosity", 0.6), ("load", 0.6)]);
+        assert!(more.makes_up() && more.missed() && more.hidden().next().is_none());
+        assert!(!named(&[("backlash", 0.9)]).missed());
+        let class =
+            |truths: &[&str]| case(truths, true, 9.0, "class", "servomotor", &[("load", 0.5), ("backlash", 0.4)]);
+        assert!(!class(&["backlash"]).missed() && !class(&["backlash"]).makes_up());
+        let pair = class(&["load", "backlash"]);
+        assert!(pair.missed() && pair.hidden().map(|truth| truth.id.as_str()).eq(["backlash"]));
+        let of =
+            |cases: &[ScoredUnit], id: &str| score(cases).measures.iter().find(|row| row.id == id).unwrap().measured;
+        assert_eq!(of(&[more, class(&["load"])], "made_up"), Measured::share(1, 1));
+        assert_eq!(of(std::slice::from_ref(&pair), "pair_both"), Measured::share(0, 1));
+        assert_eq!(of(&[pair], "pair_one"), Measured::share(1, 1));
+    }
+
+    #[test]
+    fn a_miss_lies_with_recordings_tolerance_or_method() {
+        // A right model of a thousand independent samples costs 640.
+        let row = |effects: &[&str], cost: f64| EvidenceRow {
+            effects: effects.iter().map(|id| (*id).to_owned()).collect(),
+            cost,
+            ..EvidenceRow::default()
+        };
+        let table = |left: f64| EvidenceTable {
+            samples: 1000.0,
+            rows: vec![row(&["load"], 640.0 + left), row(&["load", "backlash"], 640.0 + left), row(&[], 1640.0)],
+            ..EvidenceTable::default()
+        };
+        let named = |expected_log_bayes_factor, left| {
+            let mut case = case(&["backlash"], true, 9.0, "named", "servomotor", &[("load", 0.9)]);
+            (case.expected_log_bayes_factor, case.report.evidence.table) = (expected_log_bayes_factor, table(left));
+            case
+        };
+        assert_eq!(named(Some(500.0), 300.0).missed_by(), Some(MissedBy::Method));
+        assert_eq!(named(None, 300.0).missed_by(), Some(MissedBy::Method));
+        assert_eq!(named(Some(5.0), 300.0).missed_by(), Some(MissedBy::Recordings));
+        assert_eq!(named(Some(5.0), 3.0).missed_by(), Some(MissedBy::Recordings));
+        // What the answer leaves says nothing of the recordings.
+        assert_eq!(named(Some(500.0), 3.0).missed_by(), Some(MissedBy::Tolerance));
+        assert_eq!(named(None, 3.0).missed_by(), Some(MissedBy::Tolerance));
+        let more = &[("load", 0.9), ("backlash", 0.9)];
+        let mut made_up = case(&["backlash"], true, 9.0, "named", "servomotor", more);
+        made_up.report.evidence.table = table(3.0);
+        assert_eq!(made_up.missed_by(), Some(MissedBy::Method));
+        let right = case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]);
+        let score = score(&[named(Some(500.0), 300.0), named(Some(5.0), 300.0), named(None, 3.0), right]);
+        let misses = |id: &str| score.measures.iter().find(|measure| measure.id == id).unwrap().misses;
+        assert_eq!(misses("single_first"), Some(Misses { all: 3, by: [1, 1, 1] }));
+        assert_eq!((misses("stage"), misses("pair_both"), misses("seconds")), (None, None, None));
+        let all = hand_made();
+        let missed: Vec<bool> = all.iter().map(ScoredUnit::missed).collect();
+        assert_eq!(missed, [false, true, false, false, true, false, true, false, true]);
+        // A false alarm is the method's own; of the rest nothing is known.
+        assert_eq!(all.iter().filter_map(ScoredUnit::missed_by).collect::<Vec<_>>(), [MissedBy::Method]);
+    }
+
+    #[test]
+    fn a_triple_is_scored_like_a_pair_and_not_as_one() {
+        let of = |blamed: &[&str], verdict: &str| {
+            let blamed: Vec<(&str, f64)> = blamed.iter().map(|id| (*id, 0.9)).collect();
+            case(&["load", "backlash", "viscosity"], true, 9.0, verdict, "servomotor", &blamed)
+        };
+        let all = [
+            of(&["load", "backlash", "viscosity"], "named"),
+            of(&["viscosity", "cushion"], "named"),
+            of(&["cushion"], "named"),
+            of(&["load", "backlash", "viscosity"], "class"),
+        ];
+        let missed: Vec<bool> = all.iter().map(ScoredUnit::missed).collect();
+        assert_eq!(missed, [false, true, true, true]);
+        assert_eq!(all[3].hidden().count(), 2, "a class is one effect");
+        let score = score(&all);
+        let measured = |id: &str| score.measures.iter().find(|row| row.id == id).unwrap().measured;
+        assert_eq!(measured("triple_all"), Measured::share(1, 4));
+        assert_eq!(measured("triple_one"), Measured::share(3, 4));
+        assert_eq!(measured("made_up"), Measured::share(2, 3));
+        for id in ["pair_both", "pair_one", "single_first", "probability"] {
+            assert_eq!(measured(id).cases, 0, "{id}");
+        }
+        assert_eq!((measured("stage").cases, measured("detection").cases), (4, 4));
+        assert!(score.confusion.truths.is_empty());
+    }
+
+    #[test]
+    fn the_confusion_counts_every_unit_but_pairs_once() {
+        let confusion = score(&hand_made()).confusion;
+        assert_eq!(confusion.truths, ["none", "backlash", "load", "outside"]);
+        assert_eq!(confusion.words, ["none", "backlash", "esv_slow", "servo_leak", "supply_loss", "unknown"]);
+        assert_eq!(confusion.counts.iter().flatten().sum::<usize>(), 7);
+        assert_eq!(confusion.counts[2], [1, 0, 0, 1, 0, 0]);
+    }
+
+    #[test]
+    fn reliability_asks_what_was_so() {
+        // Of "none" at 0.95 one of two was so, of "unknown" at 0.95 the one; of the effects at 0.9 all three. Of nine units two are sound, and each of
+        // these counts as 3.5 others.
+        let bins = score(&hand_made()).reliability;
+        let last = bins.last().unwrap();
+        let so = [(true, 3.5), (false, 1.0), (true, 1.0), (true, 1.0), (true, 1.0), (true, 1.0)];
+        assert_eq!(last.was, Measured::weighted(&so));
+        assert!((last.stated_probability - (5.5 * 0.95 + 3.0 * 0.9) / 8.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn nothing_scored_is_no_number() {
+        for measure in score(&[]).measures {
+            assert!(measure.measured.value.is_nan() && measure.reached.is_none(), "{}", measure.id);
+        }
+    }
+}

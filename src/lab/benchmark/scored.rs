@@ -1,0 +1,168 @@
+//! One unit before the scorer: what verdict beside what is in it.
+
+use crate::battery::{Label, TrueFault};
+use crate::benchmark::scored_report::ScoredReport as _;
+use govtwin_diagnosis::result::Verdict;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+
+/// Gain in likelihood, as −2 ln, from which something can be told: a log Bayes factor of 10, of which the odds against any effect take half.
+pub const SEEN: f64 = 20.0;
+
+/// Strength from which an effect must be seen, over the noise floor.
+const VISIBLE_RATIO: f64 = 3.0;
+/// A class with more members is no answer.
+const LARGEST_CLASS: usize = 3;
+
+/// What a miss lies with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MissedBy {
+    /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
+    /// ([`expected_log_bayes_factor`](crate::benchmark::isolability::expected_log_bayes_factor)).
+    Recordings,
+    /// It gains more, or nobody knows how much; but the answer leaves no more than the method lets a right model leave ([`DiagnosisReport::leaves`]).
+    Tolerance,
+    /// The rest: what was left out could have been seen, or there is nothing left out and something made up.
+    Method,
+}
+
+impl MissedBy {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Recordings, Self::Tolerance, Self::Method];
+
+    /// The word in files and tables.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Recordings => "recordings",
+            Self::Tolerance => "tolerance",
+            Self::Method => "method",
+        }
+    }
+}
+
+/// One unit: what was said of it, and what is so.
+#[derive(Clone, Debug)]
+pub struct ScoredUnit {
+    /// What was said.
+    pub report: DiagnosisReport,
+    /// What is so.
+    pub label: Label,
+    /// Explained fraction on recordings that the diagnosis never saw; none where nobody tried.
+    pub realised_fraction: Option<f64>,
+    /// Of a missed answer, what the recordings say of what it left out ([`crate::benchmark::isolability::expected_log_bayes_factor`]); none where nobody asked.
+    pub expected_log_bayes_factor: Option<f64>,
+}
+
+impl ScoredUnit {
+    pub(super) fn sound(&self) -> bool {
+        self.label.effects.is_empty()
+    }
+
+    pub(super) fn single(&self) -> bool {
+        self.label.listed && self.label.effects.len() == 1
+    }
+
+    pub(super) fn pair(&self) -> bool {
+        self.label.listed && self.label.effects.len() == 2
+    }
+
+    pub(super) fn triple(&self) -> bool {
+        self.label.listed && self.label.effects.len() > 2
+    }
+
+    /// Strong enough to be seen; where nobody measured the strength, every effect counts.
+    pub(super) fn visible(&self) -> bool {
+        let strength = self.label.strength_ratio;
+        !self.sound() && (strength.is_nan() || strength >= VISIBLE_RATIO)
+    }
+
+    pub(super) fn says(&self, verdict: Verdict) -> bool {
+        self.report.verdict == verdict
+    }
+
+    pub(super) fn stage_is_right(&self) -> bool {
+        let stage = self.report.location.stage;
+        self.label.effects.iter().any(|truth| Some(truth.stage) == stage)
+    }
+
+    /// Whether the verdict leaves out or makes up anything: a class is one effect, and right where it holds what is there.
+    #[must_use]
+    pub fn missed(&self) -> bool {
+        match self.label.listed {
+            false => !self.says(Verdict::Unknown),
+            true if self.sound() => self.report.detects(),
+            true => self.says(Verdict::Unknown) || self.makes_up() || self.hidden().next().is_some(),
+        }
+    }
+
+    /// What is in the unit and was not said to be: of a class one effect at most is.
+    pub fn hidden(&self) -> impl Iterator<Item = &TrueFault> {
+        let blamed = |truth: &&TrueFault| self.report.blames(&truth.id);
+        let most = if self.says(Verdict::Class) { 1 } else { usize::MAX };
+        let report: Vec<&str> =
+            self.label.effects.iter().filter(blamed).take(most).map(|truth| truth.id.as_str()).collect();
+        self.label.effects.iter().filter(move |truth| !report.contains(&truth.id.as_str()))
+    }
+
+    /// Whether the verdict names an effect that is not there; a class only says that one of several is.
+    #[must_use]
+    pub(crate) fn makes_up(&self) -> bool {
+        let there = |id: &str| self.label.effects.iter().any(|truth| truth.id == id);
+        self.names() && self.report.effects.iter().any(|blamed| !there(&blamed.id))
+    }
+
+    /// Whether the verdict names effects, all of them at once.
+    pub(super) fn names(&self) -> bool {
+        self.says(Verdict::Named)
+    }
+
+    /// What a miss lies with; none where nothing was missed, or nothing is known of it.
+    #[must_use]
+    pub fn missed_by(&self) -> Option<MissedBy> {
+        let below = |figure: Option<f64>| figure.map(|figure| figure < SEEN);
+        match (below(self.expected_log_bayes_factor), below(self.report.leaves())) {
+            _ if !self.missed() => None,
+            // Whatever the answer leaves, nothing asked for what it makes up.
+            _ if self.hidden().next().is_none() => Some(MissedBy::Method),
+            (Some(true), _) => Some(MissedBy::Recordings),
+            (_, Some(true)) => Some(MissedBy::Tolerance),
+            (None, None) => None,
+            _ => Some(MissedBy::Method),
+        }
+    }
+
+    pub(super) fn first_truth(&self) -> &str {
+        self.label.effects.first().map_or("none", |truth| truth.id.as_str())
+    }
+
+    pub(super) fn is_first(&self) -> bool {
+        self.report.word() == self.first_truth()
+    }
+
+    pub(super) fn blamed_in_small_class(&self) -> bool {
+        self.report.blames(self.first_truth()) && self.report.effects.len() <= LARGEST_CLASS
+    }
+
+    /// Whether an id of the ranking is true of the unit.
+    pub(super) fn holds(&self, id: &str) -> bool {
+        match id {
+            "none" => self.sound(),
+            "unknown" => !self.label.listed,
+            id => self.label.listed && self.label.effects.iter().any(|truth| truth.id == id),
+        }
+    }
+
+    /// Whether the claimed interval of the size holds the truth; none where the right effect is not blamed with one.
+    pub(super) fn size_is_covered(&self) -> Option<bool> {
+        let truth = self.label.effects.first().filter(|_| self.single())?;
+        let blamed = self.report.effects.iter().find(|effect| effect.id == truth.id)?;
+        let claim = blamed.parameters.first()?.value;
+        claim.is_bounded().then(|| (claim.low..=claim.high).contains(&truth.size))
+    }
+
+    pub(super) fn explained_fraction_is_covered(&self) -> Option<bool> {
+        // A class claims what its most probable effect closes.
+        let (claim, realised) = (self.report.explained_fraction()?, self.realised_fraction?);
+        Some((claim.low..=claim.high).contains(&realised))
+    }
+}

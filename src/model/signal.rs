@@ -1,0 +1,123 @@
+//! The measured signals by name: what to call each, its unit, and where it stands in a row.
+
+use crate::frame::{Estimate, Signals};
+use crate::parameters::{Sensor, Sensors};
+use crate::stored::held_by_id;
+
+/// One of the signals that a recording may hold and a twin simulates.
+///
+/// ```
+/// use govtwin::{Signal, Signals};
+///
+/// let row = Signal::SpoolPosition.with(Signals::NONE, 0.25);
+/// assert_eq!(Signal::SpoolPosition.of(&row), 0.25);
+/// assert_eq!((Signal::SpoolPosition.id(), Signal::SpoolPosition.unit()), ("spool_position_pu", "pu"));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Signal {
+    /// Servomotor position `Y`.
+    ServomotorPosition,
+    /// Main distributing valve spool position `y`.
+    SpoolPosition,
+    /// Proportional (pilot) valve position `x_p`.
+    PilotValvePosition,
+    /// Control-chamber pressure `P_ctrl`.
+    ControlPressure,
+}
+
+impl Signal {
+    /// All four; the positions, by which a twin is judged first, lead.
+    pub const ALL: [Self; 4] =
+        [Self::ServomotorPosition, Self::SpoolPosition, Self::PilotValvePosition, Self::ControlPressure];
+
+    /// The two positions that the twin publishes.
+    pub const POSITIONS: [Self; 2] = [Self::ServomotorPosition, Self::SpoolPosition];
+
+    /// The signal at each of a twin's estimates.
+    #[must_use]
+    pub fn of_estimates(self, estimates: &[Estimate]) -> Vec<f64> {
+        estimates.iter().map(|estimate| self.of(&estimate.signals)).collect()
+    }
+
+    /// The name in keys, with its unit.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::ServomotorPosition => "servomotor_position_pu",
+            Self::SpoolPosition => "spool_position_pu",
+            Self::PilotValvePosition => "pilot_valve_position_pu",
+            Self::ControlPressure => "control_pressure_pa",
+        }
+    }
+
+    /// The name in words.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::ServomotorPosition => "Servomotor position",
+            Self::SpoolPosition => "Spool position",
+            Self::PilotValvePosition => "Pilot-valve position",
+            Self::ControlPressure => "Control pressure",
+        }
+    }
+
+    /// The SI unit.
+    #[must_use]
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::ServomotorPosition | Self::SpoolPosition | Self::PilotValvePosition => "pu",
+            Self::ControlPressure => "Pa",
+        }
+    }
+
+    /// Its value in a row, in its unit.
+    #[must_use]
+    pub fn of(self, signals: &Signals) -> f64 {
+        match self {
+            Self::ServomotorPosition => signals.servomotor_position_pu,
+            Self::SpoolPosition => signals.spool_position_pu,
+            Self::PilotValvePosition => signals.pilot_valve_position_pu,
+            Self::ControlPressure => signals.control_pressure_pa,
+        }
+    }
+
+    /// The same row with this signal at `value`, in its unit.
+    #[must_use]
+    pub fn with(self, mut signals: Signals, value: f64) -> Signals {
+        match self {
+            Self::ServomotorPosition => signals.servomotor_position_pu = value,
+            Self::SpoolPosition => signals.spool_position_pu = value,
+            Self::PilotValvePosition => signals.pilot_valve_position_pu = value,
+            Self::ControlPressure => signals.control_pressure_pa = value,
+        }
+        signals
+    }
+
+    /// Its transducer.
+    #[must_use]
+    pub fn sensor(self, sensors: &Sensors) -> Sensor {
+        match self {
+            Self::ServomotorPosition => sensors.servomotor_position_pu,
+            Self::SpoolPosition => sensors.spool_position_pu,
+            Self::PilotValvePosition => sensors.pilot_valve_position_pu,
+            Self::ControlPressure => sensors.control_pressure_pa,
+        }
+    }
+}
+
+held_by_id!(Signal, "a measured signal");
+
+/// The least and the greatest value so far, with one more; what is not finite is none.
+#[must_use]
+pub fn widened(ends: Option<(f64, f64)>, value: f64) -> Option<(f64, f64)> {
+    if !value.is_finite() {
+        return ends;
+    }
+    Some(ends.map_or((value, value), |(low, high)| (low.min(value), high.max(value))))
+}
+
+/// Greatest less least of the finite values; nothing where there is none.
+#[must_use]
+pub fn span(values: impl Iterator<Item = f64>) -> Option<f64> {
+    values.fold(None, widened).map(|(low, high)| high - low)
+}

@@ -1,0 +1,45 @@
+//! A report as it is written is the report that is read back.
+
+use super::{html_of, made_up, synthetic};
+use govtwin_diagnosis::model::consistency::Consistency;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_diagnosis::result::test_script::{CommandShape, TestScript};
+use govtwin_diagnosis::result::{
+    FreeRun, HiddenEffect, NEXT_TEST, SheetLimits, SheetValue, StageFigure, StageOnly, Transfer, Verdict,
+};
+use govtwin_model::signal::Signal;
+
+#[test]
+fn a_report_reads_back_as_it_was_written_and_makes_the_same_page() {
+    for (verdict, blamed) in [(Verdict::Named, &["backlash", "load"][..]), (Verdict::NoGap, &[])] {
+        let mut diagnosis = made_up(verdict, blamed);
+        let script = TestScript { start_pu: 0.0, shape: CommandShape::Ramp { to_pu: 1.0 }, length_s: 34.0 };
+        (diagnosis.experiments[0].script, diagnosis.experiments[0].bag) = (Some(script), Some(NEXT_TEST.to_owned()));
+        let hides = vec![HiddenEffect { id: "load".into(), sharper: 1.5 }];
+        let (key, tolerance) = ("oil.density_kg_m3".to_owned(), (860.0, 880.0));
+        let value = SheetValue { key, unit: "kg/m3", sheet: 870.0, tolerance, information: 0.5, bits: 0.1, hides };
+        diagnosis.sheet_limits = Some(SheetLimits { open_bits: 0.2, look_up: None, values: vec![value] });
+        diagnosis.transfers =
+            vec![Transfer { recording: "one".into(), explained_fraction: diagnosis.explained_fraction }];
+        let innovations =
+            Consistency { signal: Signal::SpoolPosition, samples: 9, mean_square: 1.1, correlation: f64::NAN };
+        diagnosis.consistency = [vec![innovations], vec![]];
+        diagnosis.part = Some(StageOnly {
+            sheet: true,
+            pieces: 2,
+            piece_s: 20.0,
+            figures: vec![StageFigure { id: "gain", title: "gain", unit: "1/s", value: diagnosis.explained_fraction }],
+            transducers_pu: 1e-3,
+            foreign: None,
+            free_run_s: 10.0,
+            free_runs: vec![FreeRun { model: "plain".into(), fitted_on: "first", seen: 1e-3, held_out: f64::NAN }],
+        });
+        let mut report = DiagnosisReport::of(&diagnosis, 1.5);
+        report.provenance = Some(synthetic());
+        report.evidence.traces = diagnosis.traces.clone();
+        let json = report.json();
+        let read = DiagnosisReport::read(&json.to_string()).unwrap();
+        assert_eq!(read.json(), json);
+        assert_eq!(html_of(&read.into(), &synthetic()), html_of(&diagnosis, &synthetic()));
+    }
+}

@@ -1,0 +1,275 @@
+//! The pictures of one recording: measured, simulated and their difference over time.
+
+use crate::diagnosis::{WORST_S, worst_stretch};
+use crate::draw::{DrawError, Svg, svg};
+use crate::ink::Ink;
+use crate::picture::{EventLine, Panel, Picture, Span};
+use govtwin_model::frame::EsvState;
+use govtwin_model::parameters::{Sensor, Sensors};
+use govtwin_model::recording::Recording;
+use govtwin_model::replay::Replayed;
+use govtwin_model::signal::Signal;
+use govtwin_model::units::seconds_from_nanos;
+
+/// Half height of the panel that shows the spool at rest: the dead band's jumps, and the range of
+/// −3.5 % to 2 % that Liu et al. 2025 find hardest (section 4.2), pu.
+const NEAR_NEUTRAL_PU: f64 = 0.06;
+
+/// Recordings longer than this get a second picture of their liveliest stretch, s.
+const LONG_S: f64 = 60.0;
+
+/// Length of that stretch, s.
+const CLOSE_UP_S: f64 = 20.0;
+
+/// The pictures of one recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pictures {
+    /// The whole recording.
+    pub whole: Svg,
+    /// Its liveliest stretch, where the whole is too long to show it.
+    pub close_up: Option<Svg>,
+    /// The two seconds in which the twin is farthest off, where the recording is much longer.
+    pub worst: Option<Svg>,
+    /// The pilot signals, where they were measured.
+    pub pilot: Option<Svg>,
+}
+
+impl Pictures {
+    /// Draws them, with what another unit makes of the same recording beside it where one is given.
+    ///
+    /// # Errors
+    /// Where a picture cannot be drawn.
+    pub fn draw(replayed: &Replayed, after: Option<(&str, &Replayed)>, sensors: &Sensors) -> Result<Self, DrawError> {
+        let curves = Curves::new(replayed, after);
+        let window_s = replayed.recording.duration_s() > LONG_S;
+        let close_up = window_s.then(|| curves.liveliest_s());
+        let pilot = curves.has(Signal::PilotValvePosition) || curves.has(Signal::ControlPressure);
+        Ok(Self {
+            whole: svg(&curves.positions(sensors, None))?,
+            close_up: close_up.map(|window_s| svg(&curves.positions(sensors, Some(window_s)))).transpose()?,
+            worst: curves.worst_s().map(|window_s| svg(&curves.positions(sensors, Some(window_s)))).transpose()?,
+            pilot: pilot.then(|| svg(&curves.pilot(sensors, close_up))).transpose()?,
+        })
+    }
+}
+
+/// One recording as curves over seconds from its start.
+struct Curves<'a> {
+    replayed: &'a Replayed,
+    /// The same recording through another unit, with that unit's name.
+    after: Option<(&'a str, &'a Replayed)>,
+    time_s: Vec<f64>,
+}
+
+impl<'a> Curves<'a> {
+    fn new(replayed: &'a Replayed, after: Option<(&'a str, &'a Replayed)>) -> Self {
+        let frames = &replayed.recording.frames;
+        let start_ns = frames.first().map_or(0, |frame| frame.time_ns);
+        let time_s = frames.iter().map(|frame| seconds_from_nanos(frame.time_ns - start_ns)).collect();
+        Self { replayed, after, time_s }
+    }
+
+    fn has(&self, signal: Signal) -> bool {
+        self.replayed.recording.frames.iter().any(|frame| signal.of(&frame.measured).is_finite())
+    }
+
+    fn measured(&self, signal: Signal, scale: f64) -> Vec<[f64; 2]> {
+        let frames = self.replayed.recording.frames.iter().map(|frame| signal.of(&frame.measured) * scale);
+        self.time_s.iter().zip(frames).filter(|(_, y)| y.is_finite()).map(|(&t, y)| [t, y]).collect()
+    }
+
+    fn simulated(&self, replayed: &Replayed, signal: Signal, scale: f64) -> Vec<[f64; 2]> {
+        let estimates = replayed.estimates.iter().map(|estimate| signal.of(&estimate.signals) * scale);
+        self.time_s.iter().zip(estimates).map(|(&t, y)| [t, y]).collect()
+    }
+
+    fn difference(&self, replayed: &Replayed, signal: Signal, scale: f64) -> Vec<[f64; 2]> {
+        let pairs = self.replayed.recording.frames.iter().zip(&replayed.estimates);
+        let difference = pairs.map(|(f, e)| (signal.of(&e.signals) - signal.of(&f.measured)) * scale);
+        self.time_s.iter().zip(difference).filter(|(_, y)| y.is_finite()).map(|(&t, y)| [t, y]).collect()
+    }
+
+    /// The command as the regulator sees it, %, held from row to row.
+    fn command(&self) -> Vec<[f64; 2]> {
+        let mut points: Vec<[f64; 2]> = Vec::new();
+        for (&time_s, frame) in self.time_s.iter().zip(&self.replayed.recording.frames) {
+            let value = 100.0 * frame.inputs.opening_command_pu;
+            match points.last() {
+                Some(&[_, last]) if last.to_bits() == value.to_bits() => {}
+                Some(&[_, last]) => points.extend([[time_s, last], [time_s, value]]),
+                None => points.push([time_s, value]),
+            }
+        }
+        let last = points.last().map_or(f64::NAN, |point| point[1]);
+        points.extend(self.time_s.last().map(|&end_s| [end_s, last]));
+        points
+    }
+
+    /// The stretch of [`CLOSE_UP_S`] around an ESV trip, else that in which the servomotor travels
+    /// farthest, a little rest before it.
+    fn liveliest_s(&self) -> [f64; 2] {
+        let end_s = self.time_s.last().copied().unwrap_or(0.0);
+        let around = |begins_s: f64| {
+            let from_s = (begins_s - 0.2 * CLOSE_UP_S).min(end_s - CLOSE_UP_S).max(0.0);
+            [from_s, from_s + CLOSE_UP_S]
+        };
+        let tripped = self.replayed.recording.frames.iter().position(|frame| frame.inputs.esv == EsvState::Shutdown);
+        if let Some(trip) = tripped.filter(|&trip| trip > 0) {
+            return around(self.time_s[trip]);
+        }
+        let position = if self.has(Signal::ServomotorPosition) {
+            self.measured(Signal::ServomotorPosition, 1.0)
+        } else {
+            self.simulated(self.replayed, Signal::ServomotorPosition, 1.0)
+        };
+        let within = |from_s: f64, to_s: f64| {
+            let (start, end) =
+                (position.partition_point(|p| p[0] < from_s), position.partition_point(|p| p[0] <= to_s));
+            &position[start..end]
+        };
+        let travel = |points: &[[f64; 2]]| {
+            let (low, high) =
+                points.iter().fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p[1]), high.max(p[1])));
+            high - low
+        };
+        let (mut best_s, mut best_pu) = (0.0, 0.0);
+        let mut from_s = 0.0;
+        while from_s < end_s {
+            let travel_pu = travel(within(from_s, from_s + 0.8 * CLOSE_UP_S));
+            if travel_pu > 1.02 * best_pu {
+                (best_s, best_pu) = (from_s, travel_pu);
+            }
+            from_s += 1.0;
+        }
+        let stretch = within(best_s, end_s);
+        let moves = |p: &&[f64; 2]| (p[1] - stretch[0][1]).abs() > 0.03 * best_pu;
+        let begins_s = stretch.iter().find(moves).map_or(best_s, |p| p[0]);
+        around(begins_s)
+    }
+
+    /// The stretch of [`WORST_S`] in which the positions are farthest off, each over its error in the whole recording.
+    fn worst_s(&self) -> Option<[f64; 2]> {
+        let mut squares = vec![0.0; self.time_s.len()];
+        for signal in Signal::POSITIONS {
+            let pairs = self.replayed.recording.frames.iter().zip(&self.replayed.estimates);
+            let off: Vec<f64> = pairs
+                .map(|(frame, estimate)| (signal.of(&estimate.signals) - signal.of(&frame.measured)).powi(2))
+                .map(|square| if square.is_finite() { square } else { 0.0 })
+                .collect();
+            let all: f64 = off.iter().sum();
+            if all > 0.0 {
+                squares.iter_mut().zip(off).for_each(|(sum, square)| *sum += square / all);
+            }
+        }
+        worst_stretch(&self.time_s, &squares, WORST_S)
+    }
+
+    fn compared(&self, signal: Signal, title: &str, scale: f64) -> Panel {
+        let panel = if self.has(signal) {
+            Panel::new(title).thick_line(Ink::Measured, "measured", self.measured(signal, scale))
+        } else {
+            Panel::new(title)
+        };
+        let Some((title, after)) = self.after else {
+            return panel
+                .line(Ink::Simulated, "simulated", self.simulated(self.replayed, signal, scale))
+                .x_name("time from the start, s");
+        };
+        panel
+            .dashed_line(Ink::Difference, "before", self.simulated(self.replayed, signal, scale))
+            .line(Ink::Simulated, &format!("after: {title}"), self.simulated(after, signal, scale))
+            .x_name("time from the start, s")
+    }
+
+    fn missed(&self, signal: Signal, unit: &str, scale: f64, sensors: &Sensors) -> Panel {
+        let noise = 2.0 * spread(signal.sensor(sensors)) * scale;
+        let end_s = self.time_s.last().copied().unwrap_or(0.0);
+        let panel = Panel::new(format!("Simulated − measured, {unit}"))
+            .height(84)
+            .band(Ink::Band, "±2σ of the transducer", vec![[0.0, -noise, noise], [end_s, -noise, noise]])
+            .x_name("time from the start, s");
+        let before = self.difference(self.replayed, signal, scale);
+        match self.after {
+            None => panel.line(Ink::Difference, "difference", before),
+            Some((_, after)) => panel.dashed_line(Ink::Difference, "before", before).line(
+                Ink::Simulated,
+                "after",
+                self.difference(after, signal, scale),
+            ),
+        }
+    }
+
+    fn positions(&self, sensors: &Sensors, window_s: Option<[f64; 2]>) -> Picture {
+        let servomotor = self.compared(Signal::ServomotorPosition, "Guide-vane opening, % of stroke", 100.0);
+        let servomotor = Panel {
+            marks: [Panel::new("").line(Ink::Command, "command", self.command()).marks, servomotor.marks].concat(),
+            ..servomotor
+        };
+        let spool = |title: &str| self.compared(Signal::SpoolPosition, title, 100.0);
+        // Where the spool rests shows in the whole, or in the long stretch that stands for it.
+        let is_whole = window_s.is_none_or(|[from_s, to_s]| to_s - from_s > WORST_S);
+        let mut panels = vec![servomotor.height(180)];
+        if self.has(Signal::ServomotorPosition) {
+            panels.push(self.missed(Signal::ServomotorPosition, "% of stroke", 100.0, sensors));
+        }
+        panels.push(spool("Spool position, % of reference stroke").height(150));
+        if is_whole {
+            let range = 100.0 * NEAR_NEUTRAL_PU;
+            panels.push(spool("Spool near neutral, % of reference stroke").height(110).y_range(-range, range));
+        }
+        if self.has(Signal::SpoolPosition) {
+            panels.push(self.missed(Signal::SpoolPosition, "% of reference stroke", 100.0, sensors));
+        }
+        self.stacked("positions", panels, window_s)
+    }
+
+    fn pilot(&self, sensors: &Sensors, window_s: Option<[f64; 2]>) -> Picture {
+        let mut panels = vec![];
+        for (signal, unit, scale) in
+            [(Signal::PilotValvePosition, "% of stroke", 100.0), (Signal::ControlPressure, "MPa", 1e-6)]
+        {
+            if self.has(signal) {
+                panels.push(self.compared(signal, &format!("{}, {unit}", signal.title()), scale).height(130));
+                panels.push(self.missed(signal, unit, scale, sensors));
+            }
+        }
+        self.stacked("pilot signals", panels, window_s)
+    }
+
+    fn stacked(&self, what: &str, panels: Vec<Panel>, window_s: Option<[f64; 2]>) -> Picture {
+        let Recording { name, process, .. } = &self.replayed.recording;
+        let panels = match window_s {
+            Some([from_s, to_s]) => panels.into_iter().map(|panel| panel.x_range(from_s, to_s)).collect(),
+            None => panels,
+        };
+        let description = format!("Recording {name}, {}: measured and simulated {what} over time", process.title());
+        let mut picture = Picture::stacked(description, panels);
+        let inside = |x: f64| window_s.is_none_or(|[from_s, to_s]| x >= from_s && x <= to_s);
+        let mut tripped_s = None;
+        for (i, frame) in self.replayed.recording.frames.iter().enumerate() {
+            let (now_s, esv) = (self.time_s[i], frame.inputs.esv);
+            match (tripped_s, esv) {
+                (None, EsvState::Shutdown) => {
+                    tripped_s = Some(now_s);
+                    picture.events.push(EventLine { x: now_s, label: "ESV trips".into(), ink: Ink::Alarm });
+                }
+                (Some(from_s), EsvState::Normal) => {
+                    tripped_s = None;
+                    picture.spans.push(Span { x: [from_s, now_s], ink: Ink::Alarm });
+                    picture.events.push(EventLine { x: now_s, label: "ESV normal".into(), ink: Ink::Good });
+                }
+                _ => {}
+            }
+        }
+        if let (Some(from_s), Some(&end_s)) = (tripped_s, self.time_s.last()) {
+            picture.spans.push(Span { x: [from_s, end_s], ink: Ink::Alarm });
+        }
+        picture.events.retain(|event| inside(event.x));
+        picture
+    }
+}
+
+/// Standard deviation of noise and quantisation together, in the sensor's unit.
+pub fn spread(sensor: Sensor) -> f64 {
+    (sensor.noise.powi(2) + sensor.step.powi(2) / 12.0).sqrt()
+}
