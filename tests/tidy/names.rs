@@ -19,30 +19,17 @@ const SYMBOLS: &[&str] = &["m", "m²", "m³", "s", "s²", "Pa", "N", "kg", "rad"
 
 /// Places whose numbers have no unit of their own.
 const ELSEWHERE: &[(&str, &str)] = &[
-    ("src/msg.rs", "names are those of the messages, which state the units"),
-    ("src/acceptance/", "values are in the unit of the measure"),
     ("src/bag/channel.rs", "numbers of any channel, in the unit of its signal"),
     ("src/bag/evidence.rs", "numbers of any channel, in the unit of its signal"),
-    ("src/import/", "values are in the unit that a map states for them"),
-    ("src/metrics.rs", "errors are in the unit of what is compared"),
-    ("src/residual/", "corrections, ranges and bands are in the unit of the signal that is corrected"),
-    ("src/comparison/", "errors are in the unit of what is compared"),
-    ("src/benchmark/", "shares and means of what is counted; sizes in the unit of their effect"),
-    ("src/fleet/", "sizes are in the unit that stands beside them, probabilities and sums have none"),
-    ("src/diagnosis/", "residuals are in the unit of their signal, costs and likelihoods have none"),
-    ("src/trend.rs", "sizes are in the unit of their effect, distances in standard deviations"),
-    ("src/watch/", "sizes are in the unit of their effect"),
-    ("src/likelihood/", "residuals are in the unit of their signal, costs and positions of free parameters have none"),
-    ("src/estimation/", "residuals, costs and positions of coordinates have no unit"),
-    (
-        "src/identification/",
-        "residuals are in the unit of their signal, costs and positions of free parameters have none",
-    ),
-    ("src/stage_alone/", "residuals are in the unit of their signal, costs and positions of free parameters have none"),
-    ("src/replay/", "errors are in the unit of what is compared"),
+    ("src/bag/import/", "values are in the unit that a map states for them"),
+    ("src/bag/msg.rs", "names are those of the messages, which state the units"),
     ("src/commands/", "fields are flags, whose help names the unit"),
-    ("src/report/", "places on paper, and values in the unit of their axis"),
-    ("src/sheet/item.rs", "values are in the unit of the item's dimension"),
+    ("src/correction/", "corrections, ranges and bands are in the unit of the signal that is corrected"),
+    ("src/diagnosis/", "residuals are in the unit of their signal, costs and likelihoods have none, sizes are in the unit of their effect"),
+    ("src/lab/", "shares and means of what is counted; errors in the unit of what is compared"),
+    ("src/model/metrics.rs", "errors are in the unit of what is compared"),
+    ("src/model/replay/", "errors are in the unit of what is compared"),
+    ("src/pages/", "places on paper, and values in the unit of their axis"),
 ];
 
 /// Fields of one number that say their unit neither in the name nor, for composite coefficients, in the doc comment.
@@ -135,7 +122,7 @@ mod tests {
     use super::*;
 
     fn of(fields: &str) -> Vec<String> {
-        field_breaches(&[Source::new("src/plant/a.rs", &format!("pub struct A {{\n{fields}\n}}\n"))])
+        field_breaches(&[Source::new("src/model/a.rs", &format!("pub struct A {{\n{fields}\n}}\n"))])
     }
 
     #[test]
