@@ -80,7 +80,7 @@ fn holds(name: &str, page: &str) {
     assert!(
         there == page,
         "docs/{name} is not what the program says, from line {}; write it anew: \
-         GOVTWIN_WRITE_REFERENCE=1 cargo test --features humble,sqlite,residual --test reference_pages",
+         GOVTWIN_WRITE_REFERENCE=1 cargo test --features humble,sqlite,residual --test house -- reference_pages::",
         differs.unwrap_or_else(|| there.lines().count().min(page.lines().count())) + 1
     );
 }

@@ -238,7 +238,7 @@ mod tests {
             report(dir.path(), "old").unwrap();
             fs::write(dir.path().join("outdated"), "").unwrap();
             let child = std::process::Command::new(std::env::current_exe().unwrap())
-                .args(["--exact", "files::journal::tests::a_writer_that_dies", "--ignored"])
+                .args(["--exact", "journal::tests::a_writer_that_dies", "--ignored"])
                 .env("GOVTWIN_FOLDER", dir.path())
                 .env("GOVTWIN_STEP", steps.to_string())
                 .output()

@@ -5,7 +5,7 @@ use govtwin_model::frame::EsvState;
 use mcap::WriteOptions;
 use proptest::prelude::{Just, ProptestConfig, Strategy, any, prop, prop_assert, prop_assert_eq, proptest};
 
-use crate::make::{BEGIN_NS, Bag, MS, read_both_ways};
+use super::make::{BEGIN_NS, Bag, MS, read_both_ways};
 
 /// Times within four seconds, in any order, each once.
 fn stamps(most: usize) -> impl Strategy<Value = Vec<i64>> {

@@ -7,7 +7,7 @@ use mcap::{Compression, WriteOptions};
 use proptest::prelude::{ProptestConfig, any, prop, prop_assert, proptest};
 use proptest::sample::Index;
 
-use crate::make::{Bag, in_file, read_both_ways, small_chunks};
+use super::make::{Bag, in_file, read_both_ways, small_chunks};
 
 fn read_all_ways(path: &Path) {
     let _ = read_both_ways(path, &ReadOptions::default());

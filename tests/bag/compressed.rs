@@ -7,7 +7,7 @@ use govtwin_bag::msg::type_hash::type_hash;
 use govtwin_bag::{BagError, ReadOptions, Warning};
 use mcap::WriteOptions;
 
-use crate::make::{BEGIN_NS, Bag, MS, in_file, read_both_ways};
+use super::make::{BEGIN_NS, Bag, MS, in_file, read_both_ways};
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/compressed").join(name)

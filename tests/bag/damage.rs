@@ -3,7 +3,7 @@
 use govtwin_bag::{BagError, ReadOptions, Warning};
 use mcap::{Compression, WriteOptions};
 
-use crate::make::{Bag, in_file, read_both_ways, small_chunks};
+use super::make::{Bag, in_file, read_both_ways, small_chunks};
 
 /// Whether the messages are the first ones of the bag, in file order.
 fn is_prefix(messages: &[Vec<u8>], bag: &Bag) -> bool {
@@ -90,7 +90,7 @@ fn a_hole_in_the_middle_is_bridged() {
     let read: u64 = loaded.health.streams.iter().map(|stream| stream.kept).sum();
     assert!(read > bag.entries.len() as u64 * 2 / 3, "{read} of {}", bag.entries.len());
     let last = loaded.recording.frames.last().unwrap().time_ns;
-    assert_eq!(last, crate::make::BEGIN_NS + 3990 * crate::make::MS, "the end is there");
+    assert_eq!(last, super::make::BEGIN_NS + 3990 * super::make::MS, "the end is there");
     let said: Vec<String> = loaded.health.warnings.iter().map(ToString::to_string).collect();
     assert!(said.iter().any(|line| line.contains("its summary counts 884 messages")), "{said:?}");
     assert!(said.iter().any(|line| line.contains("bytes lost")), "{said:?}");

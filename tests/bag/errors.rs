@@ -7,7 +7,7 @@ use govtwin_bag::msg::{FluidPressure, Header, JointState};
 use govtwin_bag::{BagError, ReadOptions, Warning};
 use mcap::WriteOptions;
 
-use crate::make::{BEGIN_NS, Bag, in_file, read_both_ways, small_chunks};
+use super::make::{BEGIN_NS, Bag, in_file, read_both_ways, small_chunks};
 
 fn error_of(path: &Path) -> (BagError, String) {
     let error = read_both_ways(path, &ReadOptions::default()).map(|_| ()).unwrap_err();

@@ -7,7 +7,7 @@ use govtwin_bag::msg::EsvState;
 use govtwin_bag::{Growing, Grown, Interpolation, ReadOptions, Stream};
 use rand::{RngExt as _, SeedableRng as _};
 
-use crate::make::{All, BEGIN_NS, Bag, MS, small_chunks};
+use super::make::{All, BEGIN_NS, Bag, MS, small_chunks};
 
 /// Bytes that a look at a file reads again: to know it, to be known the next time, and the head of a record that is not whole.
 const AGAIN_BYTES: u64 = 2 * (1 << 12) + 9;
@@ -221,7 +221,7 @@ fn a_bag_in_several_files_is_followed_from_one_into_the_next() {
 fn what_needs_all_of_its_samples_is_left_to_who_reads_all() {
     let mut back = Bag::standard(40);
     let shift =
-        |entries: &mut [crate::make::Entry]| entries.iter_mut().for_each(|entry| entry.log_ns += 3_000_000 * MS);
+        |entries: &mut [super::make::Entry]| entries.iter_mut().for_each(|entry| entry.log_ns += 3_000_000 * MS);
     let half = back.entries.len() / 2;
     shift(&mut back.entries[half..]);
     let mut none = Bag::standard(10);

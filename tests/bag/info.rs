@@ -4,7 +4,7 @@ use mcap::WriteOptions;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::make::{Bag, in_file, shipped, small_chunks};
+use super::make::{Bag, in_file, shipped, small_chunks};
 
 fn info(arguments: &[&Path], json: bool) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));

@@ -4,7 +4,7 @@ use govtwin_bag::msg::{EsvState, GovernorCommand, Header, Time};
 use govtwin_bag::{BagError, Health, Interpolation, ReadOptions, StreamHealth, Warning};
 use mcap::WriteOptions;
 
-use crate::make::{BEGIN_NS, Bag, MS, read_both_ways};
+use super::make::{BEGIN_NS, Bag, MS, read_both_ways};
 
 const COMMAND: usize = 0;
 const ESV: usize = 1;
@@ -173,7 +173,7 @@ fn a_clock_set_forward_during_a_recording_splits_it() {
     let log_ns: Vec<i64> = Bag::standard(5).entries.iter().map(|entry| entry.log_ns).collect();
     let day_ns = 86_400_000 * MS;
     for (later, log_ns) in shifted(5, day_ns).entries.into_iter().zip(log_ns).skip(bag.entries.len()) {
-        bag.entries.push(crate::make::Entry { log_ns, ..later });
+        bag.entries.push(super::make::Entry { log_ns, ..later });
     }
     let loaded = read(&bag);
     assert_eq!(loaded.recording.frames.len(), 400, "{}", said(&loaded.health));

@@ -1,6 +1,6 @@
 //! What becomes of damaged bags, by kind of damage: the same, warned of, refused; silently other only where nothing could know.
 //!
-//! `cargo test --test bag outcomes -- --nocapture` prints the table of `docs/robustness.md`; OUTCOMES sets how many of each kind are tried.
+//! `cargo test --test product -- bag:: outcomes -- --nocapture` prints the table of `docs/robustness.md`; OUTCOMES sets how many of each kind are tried.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -9,7 +9,7 @@ use std::time::Instant;
 use govtwin_bag::ReadOptions;
 use mcap::{Compression, WriteOptions};
 
-use crate::make::{Bag, in_file, read_both_ways, small_chunks};
+use super::make::{Bag, in_file, read_both_ways, small_chunks};
 
 /// Tries of each kind.
 const TRIES: u64 = 150;

@@ -9,7 +9,7 @@ use govtwin_bag::{
 };
 use mcap::WriteOptions;
 
-use crate::make::{BEGIN_NS, Bag, Entry, MS, in_file, read_both_ways, small_chunks};
+use super::make::{BEGIN_NS, Bag, Entry, MS, in_file, read_both_ways, small_chunks};
 
 fn read(bag: &Bag) -> Health {
     let (_folder, path) = bag.file(WriteOptions::new());

@@ -4,7 +4,7 @@ use govtwin_bag::{BagError, Interpolation, ReadOptions, Stream, Warning};
 use govtwin_model::frame::EsvState;
 use mcap::{Compression, WriteOptions};
 
-use crate::make::{BEGIN_NS, Bag, MS, read_both_ways, small_chunks};
+use super::make::{BEGIN_NS, Bag, MS, read_both_ways, small_chunks};
 
 #[test]
 fn every_way_to_store_gives_the_same_recording() {

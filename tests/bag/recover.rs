@@ -9,7 +9,7 @@ use govtwin_bag::{Qos, RawMessage, Writer, WriterOptions};
 use mcap::WriteOptions;
 use mcap::records::op;
 
-use crate::make::{Bag, in_file, shipped, small_chunks};
+use super::make::{Bag, in_file, shipped, small_chunks};
 
 fn govtwin(arguments: &[&Path]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_govtwin")).args(arguments).output().unwrap()

@@ -6,7 +6,7 @@ use govtwin_bag::ReadOptions;
 use govtwin_files::digest::sha256;
 use govtwin_model::recording::Process;
 
-use crate::make::{All, read_both_ways, shipped};
+use super::make::{All, read_both_ways, shipped};
 
 #[test]
 fn checksums_hold_and_cover_every_recording() {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use govtwin_bag::{BagError, ReadOptions, Warning};
 
-use crate::make::{BEGIN_NS, MS, in_file};
+use super::make::{BEGIN_NS, MS, in_file};
 
 fn run() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/sqlite/run")

@@ -6,8 +6,8 @@ use std::process::{Command, Output};
 
 use mcap::WriteOptions;
 
-use crate::make::{BEGIN_NS, Bag, MS, in_file, small_chunks};
-use crate::qualification::{Row, plant};
+use super::make::{BEGIN_NS, Bag, MS, in_file, small_chunks};
+use super::qualification::{Row, plant};
 
 /// How a kind is told.
 enum Told {

@@ -6,7 +6,7 @@ use std::path::Path;
 use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, JointState, ServoState, type_hash};
 use govtwin_bag::{BagError, Qos, ReadOptions, Warning, Writer, WriterOptions};
 
-use crate::make::{BEGIN_NS, Bag, MS, shipped, small_chunks};
+use super::make::{BEGIN_NS, Bag, MS, shipped, small_chunks};
 
 /// Writes rows of all four topics.
 fn write_rows(writer: &mut Writer, steps: std::ops::Range<i64>) {

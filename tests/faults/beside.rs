@@ -4,8 +4,8 @@
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use crate::cases::{self, ENVIRONMENT};
-use crate::{FaultRun, tree};
+use super::cases::{self, ENVIRONMENT};
+use super::{FaultRun, tree};
 
 /// Of the time that the first takes, the second lives for each of these parts in turn.
 pub const LIVES_MS: [u64; 5] = [3, 10, 30, 100, 300];
@@ -33,7 +33,7 @@ impl FaultRun<'_> {
         let mut found = vec![];
         let mut first = self.start();
         // Once it has a place of its own it is the first; where it has none before its output, whoever comes later wins.
-        while first.try_wait().unwrap().is_none() && !tree(&self.root).keys().any(|path| crate::is_hidden(path)) {
+        while first.try_wait().unwrap().is_none() && !tree(&self.root).keys().any(|path| super::is_hidden(path)) {
             std::thread::sleep(Duration::from_millis(1));
         }
         let lives = LIVES_MS.iter().cycle();

@@ -340,7 +340,7 @@ pub fn recordings(root: &Path) {
         let text = fs::read_to_string(run.join("metadata.yaml")).unwrap();
         fs::write(run.join("metadata.yaml"), text.replace("load_rejection_0", "run_0")).unwrap();
     }
-    crate::tight_sheet::write(root);
+    super::tight_sheet::write(root);
 }
 
 pub fn diagnosis(root: &Path) {

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::cases::{self, Case, PLAIN};
+use super::cases::{self, Case, PLAIN};
 
 pub fn blind() -> Case {
     Case {

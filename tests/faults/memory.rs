@@ -1,9 +1,9 @@
 //! No more memory from one of a writer's requests for it on, as where a limit is reached there. The program may end by it, which tells the
 //! user so; what is under a final name is whole all the same, and the next run completes and cleans.
 
-use crate::cases::Case;
-use crate::trace::Fault;
-use crate::{FaultRun, SAMPLED};
+use super::cases::Case;
+use super::trace::Fault;
+use super::{FaultRun, SAMPLED};
 
 /// The most requests of a writer that are tried: `scripts/faults all` would take days for each of thousands.
 pub const MOST: usize = 100;

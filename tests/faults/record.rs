@@ -9,8 +9,8 @@ use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use crate::trace::{self, Fault, Kind, Traced};
-use crate::{is_hidden, tree};
+use super::trace::{self, Fault, Kind, Traced};
+use super::{is_hidden, tree};
 
 /// A domain of its own, on this machine alone.
 fn environment(temporary: &str) -> [(&'static str, String); 3] {
@@ -75,7 +75,7 @@ fn temporary(root: &Path) -> PathBuf {
 fn run(writer: Writer, root: &Path, fault: Option<(usize, Fault)>) -> Traced {
     let temporary = temporary(root);
     let mut command = vec![env!("CARGO_BIN_EXE_govtwin").to_owned()];
-    command.extend(crate::cases::words(root, writer.arguments));
+    command.extend(super::cases::words(root, writer.arguments));
     let command: Vec<&str> = command.iter().map(String::as_str).collect();
     let environment = environment(temporary.to_str().unwrap());
     let environment: Vec<(&str, &str)> = environment.iter().map(|(key, value)| (*key, value.as_str())).collect();
@@ -89,14 +89,14 @@ fn beside(writer: Writer, root: &Path) -> (Vec<String>, usize) {
     let temporary = temporary(root);
     let start = || {
         let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));
-        command.args(crate::cases::words(root, writer.arguments)).envs(environment(temporary.to_str().unwrap()));
+        command.args(super::cases::words(root, writer.arguments)).envs(environment(temporary.to_str().unwrap()));
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
     };
     let (mut first, mut others) = (start(), 0);
     while first.try_wait().unwrap().is_none() && !root.join(".run.unfinished").exists() {
         std::thread::sleep(Duration::from_millis(1));
     }
-    for life_ms in crate::beside::LIVES_MS.iter().cycle() {
+    for life_ms in super::beside::LIVES_MS.iter().cycle() {
         if first.try_wait().unwrap().is_some() {
             break;
         }
@@ -169,7 +169,7 @@ fn judge(writer: Writer, root: &Path, told: Option<(&Traced, Kind)>) -> Vec<Stri
         found.extend(wrong(root, may_be_empty));
         fs::remove_dir_all(&out).unwrap();
     }
-    crate::age(root);
+    super::age(root);
     let again = run(writer, root, None);
     if !matches!(again.code, Some(0 | 3)) || !out.exists() {
         found.push(format!("the next run: code {:?}, {}", again.code, again.stderr));
@@ -244,7 +244,7 @@ fn try_writer(writer: Writer) {
         let found = judge(writer, &root, None);
         faults.extend(found.into_iter().map(|found| format!("killed before step {at}, {step:?}: {found}")));
     }
-    let most = sampled.min(crate::memory::MOST);
+    let most = sampled.min(super::memory::MOST);
     let (mut starved, mut ended) = (0, 0);
     for at in (0..first.requests).rev().step_by(first.requests.div_ceil(most).max(1)) {
         let traced = run(writer, &root, Some((at, Fault::Starved)));

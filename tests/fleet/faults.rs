@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::{Fleet, names, text};
+use super::{Fleet, names, text};
 
 #[test]
 fn a_recording_that_changed_gives_no_result_and_is_told_with_its_unit() {

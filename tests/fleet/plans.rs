@@ -8,8 +8,8 @@ use std::process::Output;
 use govtwin_bag::{Writer, WriterOptions};
 use serde_json::Value;
 
-use crate::bags::{bag, file_of};
-use crate::{copy, govtwin, shown, text};
+use super::bags::{bag, file_of};
+use super::{copy, govtwin, shown, text};
 
 /// Plans a source by units.csv of a folder into a place, and whatever more is said.
 fn plan(folder: &Path, source: &str, out: &Path, more: &[&str]) -> Output {
@@ -32,7 +32,7 @@ fn every_object_is_in_an_entry_or_left_out_with_its_reason() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     let later = |months: i64| {
-        move |_: i64, row: &mut crate::bags::Row| {
+        move |_: i64, row: &mut super::bags::Row| {
             row.log_ns += months * 31 * 86_400_000_000_000;
             row.stamp_ns += months * 31 * 86_400_000_000_000;
         }

@@ -1,6 +1,6 @@
 //! Twenty broken files and what is said of each: the file, what was expected, what was found, and the way out.
 
-use crate::rows_of;
+use super::rows_of;
 
 const MAP: &str = "time: {column: t}\nsignals: {spool_position: u, servomotor_position: y}\n";
 
@@ -145,8 +145,8 @@ fn maps_and_files_that_do_not_go_together_are_named() {
         said(table(10).as_bytes(), field)
             .contains("the map names the field `/a.b`, and a table has columns; expected `column: NAME`")
     );
-    let bag = crate::fixture("rosbags.mcap");
-    let of_bag = |map: &str| crate::rows(std::slice::from_ref(&bag), map).unwrap_err().to_string();
+    let bag = super::fixture("rosbags.mcap");
+    let of_bag = |map: &str| super::rows(std::slice::from_ref(&bag), map).unwrap_err().to_string();
     for (map, words) in [
         (
             "signals: {servomotor_position: y}\n",
@@ -169,7 +169,7 @@ fn maps_and_files_that_do_not_go_together_are_named() {
         assert!(of_bag(map).contains(words), "{map}: {}", of_bag(map));
     }
     // A name that no message holds is a finding, not silence.
-    let (_, outcome) = crate::rows(
+    let (_, outcome) = super::rows(
         std::slice::from_ref(&bag),
         "signals: {tank_pressure: /oil.fluid_pressure, servomotor_position: '/joint_states.position[gate]'}",
     )

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::{file, fixture, shipped};
+use super::{file, fixture, shipped};
 
 fn govtwin(args: &[&str], folder: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_govtwin")).args(args).current_dir(folder).output().unwrap()

@@ -5,7 +5,7 @@ use std::path::Path;
 use govtwin_bag::import::{Import, ImportError, ImportedRow, Map, Target};
 use nalgebra::{DMatrix, DVector};
 
-use crate::shipped;
+use super::shipped;
 
 /// Rows of a free run: 2 s.
 const RUN: usize = 258;

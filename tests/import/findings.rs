@@ -1,6 +1,6 @@
 //! What is found in data while they pass: gaps, frozen and saturated channels, units and signs that cannot be meant.
 
-use crate::rows_of;
+use super::rows_of;
 
 /// Values of command, spool, servomotor and pressure at a time, s; and a column name, which may hold a unit.
 struct Table<'a> {

@@ -6,7 +6,7 @@ use std::process::Command;
 use govtwin_bag::{Loaded, ReadOptions};
 use govtwin_model::frame::Frame;
 
-use crate::{file, shipped};
+use super::{file, shipped};
 
 fn bits(frames: &[Frame]) -> Vec<(i64, [u64; 6], govtwin_model::frame::EsvState)> {
     let of = |frame: &Frame| {
@@ -162,8 +162,8 @@ fn parquet_comes_back_to_the_last_bit() {
         part.close().unwrap();
     }
     writer.close().unwrap();
-    let (from_parquet, _) = crate::rows(&[path], SIGNALS).unwrap();
-    let (from_text, _) = crate::rows_of(&text, SIGNALS).unwrap();
+    let (from_parquet, _) = super::rows(&[path], SIGNALS).unwrap();
+    let (from_text, _) = super::rows_of(&text, SIGNALS).unwrap();
     let bits = |rows: &[govtwin_bag::import::ImportedRow]| -> Vec<(i64, [u64; 7])> {
         rows.iter()
             .map(|row| (row.time_ns, row.values.map(|value| if value.is_nan() { 0 } else { value.to_bits() })))

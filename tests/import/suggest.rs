@@ -5,7 +5,7 @@ use std::path::Path;
 use govtwin_bag::import::suggest::{Suggestion, suggest};
 use govtwin_bag::import::{Map, SignalPlace, Target, map_text};
 
-use crate::{file, fixture, shipped};
+use super::{file, fixture, shipped};
 
 fn of(path: &Path) -> Suggestion {
     suggest(path, &Map::default(), &mut |_| ()).unwrap_or_else(|error| panic!("{error}"))
@@ -41,7 +41,7 @@ fn columns_are_recognised_in_files_of_many_tools() {
         assert_eq!(places(&found), expected, "{name}");
         // The map reads back, and reads the file.
         let text = map_text(&found.map, &[], |_| String::new());
-        let (rows, _) = crate::rows(&[fixture(name)], &text).unwrap();
+        let (rows, _) = super::rows(&[fixture(name)], &text).unwrap();
         assert_eq!(rows.len(), 300, "{name}");
     }
     // What the page draws is in the units after the import.

@@ -3,7 +3,7 @@
 use govtwin_bag::import::{ImportedRow, Target};
 use govtwin_bag::{FieldReader, FieldValue, ReadOptions};
 
-use crate::{fixture, rows, shipped};
+use super::{fixture, rows, shipped};
 
 /// Values of the recording at a time: command, tank pressure, spool, servomotor.
 fn truth() -> Vec<(i64, [Option<f64>; 4])> {
@@ -187,8 +187,8 @@ fn several_files_of_one_recording_become_one() {
     let whole = std::fs::read_to_string(fixture("pandas_ns.csv")).unwrap();
     let lines: Vec<&str> = whole.lines().collect();
     let part = |range: std::ops::Range<usize>| [&[lines[0]][..], &lines[range]].concat().join("\n");
-    let (_one, first) = crate::file("first.csv", part(1..120));
-    let (_two, second) = crate::file("second.csv", part(120..301));
+    let (_one, first) = super::file("first.csv", part(1..120));
+    let (_two, second) = super::file("second.csv", part(120..301));
     let (found, _) = rows(&[first, second], PLAIN).unwrap();
     assert_true("two parts", &found, 0.0, 0, &ALL);
 
@@ -197,8 +197,8 @@ fn several_files_of_one_recording_become_one() {
         let cut = |line: &&str| format!("{},{}", line.split(',').next().unwrap(), line.split(',').nth(at).unwrap());
         lines.iter().map(cut).collect::<Vec<_>>().join("\n")
     };
-    let (_one, spool) = crate::file("spool.csv", column("spool"));
-    let (_two, servomotor) = crate::file("servomotor.csv", column("servomotor"));
+    let (_one, spool) = super::file("spool.csv", column("spool"));
+    let (_two, servomotor) = super::file("servomotor.csv", column("servomotor"));
     let (found, _) =
         rows(&[spool, servomotor], "signals: {spool_position: spool, servomotor_position: servomotor}").unwrap();
     assert_true("one file a signal", &found, 0.0, 0, &STAGE);
@@ -216,10 +216,10 @@ fn one_value_a_line_is_read_by_its_tags() {
     }
     let long = "file: {tag_column: Tag, value_column: Value}\nsignals: {opening_command: CMD, tank_pressure: {column: PT, unit: Pa}, \
                 spool_position: SPOOL, servomotor_position: SERVO}\n";
-    let (found, _) = crate::rows_of(&text, long).unwrap();
+    let (found, _) = super::rows_of(&text, long).unwrap();
     assert_true("one value a line", &found, 0.0, 0, &ALL);
     // Of such a file no map is proposed, but the way to one is said.
-    let (_folder, path) = crate::file("long.csv", &text);
+    let (_folder, path) = super::file("long.csv", &text);
     let error = govtwin_bag::import::suggest::suggest(&path, &Default::default(), &mut |_| ()).unwrap_err().to_string();
     assert!(error.contains("tag_column: \"Tag\""), "{error}");
 }

@@ -10,9 +10,9 @@ use govtwin_model::recording::Process;
 use govtwin_model::solver::Method;
 use govtwin_model::twin::Twin;
 
-use crate::METHODS;
-use crate::rows::{process, rows, run};
-use crate::textbook::{
+use super::METHODS;
+use super::rows::{process, rows, run};
+use super::textbook::{
     BULK_MODULUS_PA, CLOSING_AREA_M2, CONTROL_AREA_M2, MOVING_MASS_KG, OPENING_AREA_M2, SPOOL_MASS_KG,
     closing_volume_m3, control_flow_m3_s, control_volume_m3, load_n, opening_volume_m3, piston_friction_n, piston_m,
     ports, spool_force_n, spool_m,

@@ -8,7 +8,7 @@ use proptest::prelude::{Just, ProptestConfig, Strategy, TestCaseError, prop};
 use proptest::sample::select;
 use proptest::{prop_assert, prop_assert_eq, prop_oneof, proptest};
 
-use crate::METHODS;
+use super::METHODS;
 
 /// Gauge pressure of a vacuum, Pa.
 const VACUUM_PA: f64 = -101_325.0;

@@ -4,8 +4,8 @@ use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::solver::Method;
 use govtwin_model::twin::Twin;
 
-use crate::METHODS;
-use crate::rows::{command, rows, run};
+use super::METHODS;
+use super::rows::{command, rows, run};
 
 /// A minute at one opening with an error inside the dead band.
 fn minute(opening_pu: f64, error_pu: f64) -> Vec<Frame> {

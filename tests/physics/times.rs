@@ -6,8 +6,8 @@ use govtwin_model::plant::{Drive, Plant};
 use govtwin_model::solver::{Method, Solver};
 use govtwin_model::twin::Twin;
 
-use crate::METHODS;
-use crate::rows::{TICK_NS, command, rows, run};
+use super::METHODS;
+use super::rows::{TICK_NS, command, rows, run};
 
 /// Rows every tick, the first of which says where spool and servomotor stand.
 fn from(spool_pu: f64, servomotor_pu: f64, duration_s: f64, inputs: impl Fn(f64) -> Inputs) -> Vec<Frame> {

@@ -5,7 +5,7 @@ use govtwin_model::recording::Process;
 use govtwin_model::solver::Method;
 use govtwin_model::twin::Twin;
 
-use crate::rows::{TICK_NS, process, rows, run};
+use super::rows::{TICK_NS, process, rows, run};
 
 /// Every method at a step that resolves the chain.
 pub const METHODS: [Method; 3] = [

@@ -10,8 +10,8 @@ use proptest::prelude::{ProptestConfig, any, prop};
 use proptest::sample::select;
 use proptest::{prop_assert_eq, proptest};
 
-use crate::agreement::METHODS;
-use crate::rows::{TICK_NS, process, rows, run};
+use super::agreement::METHODS;
+use super::rows::{TICK_NS, process, rows, run};
 
 /// Rows at 20 ms with the positions of an earlier run as measured ones, so that every cut has its input.
 fn recorded(which: Process) -> Vec<Frame> {
@@ -118,10 +118,10 @@ fn an_input_acts_from_the_first_tick_after_it() {
     let unit = govtwin_model::params::reference();
     let step_at = |time_ns: i64| {
         let mut twin = Twin::new(&unit);
-        let still = rows(0.0, TICK_NS, |_| crate::rows::command(0.3))[0];
+        let still = rows(0.0, TICK_NS, |_| super::rows::command(0.3))[0];
         let _ = twin.step(&still);
-        let _ = twin.step(&Frame { time_ns, inputs: crate::rows::command(0.6), ..still });
-        twin.step(&Frame { time_ns: 100 * TICK_NS, inputs: crate::rows::command(0.6), ..still })
+        let _ = twin.step(&Frame { time_ns, inputs: super::rows::command(0.6), ..still });
+        twin.step(&Frame { time_ns: 100 * TICK_NS, inputs: super::rows::command(0.6), ..still })
     };
     // The large loop reads at 10 ms: a change at 9.2 ms or at 10 ms is read then, one at 10.2 ms ten milliseconds later.
     assert_eq!(step_at(9_200_000), step_at(10_000_000));

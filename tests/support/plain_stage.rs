@@ -5,7 +5,7 @@ use govtwin_model::recording::Recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::stage::Spool;
+use super::stage::Spool;
 
 /// A stage by the plain law, with none of the twin's equations: a dead zone, a gain each way, a lag and a greatest speed.
 #[derive(Clone, Copy, Debug)]

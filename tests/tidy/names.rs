@@ -3,7 +3,7 @@
 use govtwin_model::effects::CATALOGUE;
 use govtwin_model::parameters::ENTRIES;
 
-use crate::source::Source;
+use super::source::Source;
 
 /// Endings that are units.
 const UNITS: &[&str] = &[
@@ -25,7 +25,10 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/bag/msg.rs", "names are those of the messages, which state the units"),
     ("src/commands/", "fields are flags, whose help names the unit"),
     ("src/correction/", "corrections, ranges and bands are in the unit of the signal that is corrected"),
-    ("src/diagnosis/", "residuals are in the unit of their signal, costs and likelihoods have none, sizes are in the unit of their effect"),
+    (
+        "src/diagnosis/",
+        "residuals are in the unit of their signal, costs and likelihoods have none, sizes are in the unit of their effect",
+    ),
     ("src/lab/", "shares and means of what is counted; errors in the unit of what is compared"),
     ("src/model/metrics.rs", "errors are in the unit of what is compared"),
     ("src/model/replay/", "errors are in the unit of what is compared"),

@@ -1,6 +1,6 @@
 //! Rules on single files: heads, lengths, commands, effects, places, and what stays at the edges.
 
-use crate::source::Source;
+use super::source::Source;
 
 /// Most lines of code in a source file: blank lines, comments and unit tests are not counted.
 const LONGEST_CODE: usize = 300;

@@ -1,6 +1,6 @@
 //! Words that must not come back: what the project once called things that the field has names for.
 
-use crate::source::Source;
+use super::source::Source;
 
 /// A word that is gone, and what the field says.
 const GONE: [(&str, &str); 37] = [

@@ -12,7 +12,7 @@ use govtwin_node::diagnostics::{DiagnosticArray, DiagnosticStatus, TYPE_NAME};
 use govtwin_node::environment::Environment;
 use serde::{Deserialize, Serialize};
 
-use crate::{generate, tight_sheet};
+use super::{generate, tight_sheet};
 
 /// Processes between two false alarms, as without the option.
 const BETWEEN: f64 = 1000.0;

@@ -12,7 +12,6 @@ use govtwin_diagnosis::fleet::table;
 use govtwin_diagnosis::fleet::urgency::{Look, look_first};
 use govtwin_files::store::Store;
 use govtwin_model::params;
-use govtwin_pages::fleet;
 use govtwin_pages::table::Table;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use serde_json::{Value, json};
