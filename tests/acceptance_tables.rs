@@ -1,4 +1,4 @@
-//! The tables of acceptance measures in docs/benchmarks.md, on synthetic units: `cargo test --test product -- --ignored --nocapture`.
+//! The tables of acceptance measures in docs/benchmarks.md, on synthetic units: `cargo test --test product -- --ignored --nocapture acceptance_tables`.
 #![cfg(feature = "cli")]
 
 #[path = "support/acceptance.rs"]

@@ -1,6 +1,6 @@
 //! Studies of a watched unit, which CI does not run: when a fault that grows is noticed, and how often a warning is false.
 //!
-//!     cargo test --release --test product -- --ignored --nocapture
+//!     cargo test --release --test product -- --ignored --nocapture watch_studies
 //!
 //! All recordings are synthetic.
 #![cfg(feature = "cli")]

@@ -1,6 +1,6 @@
 //! What becomes of damaged bags, by kind of damage: the same, warned of, refused; silently other only where nothing could know.
 //!
-//! `cargo test --test product -- bag:: outcomes -- --nocapture` prints the table of `docs/robustness.md`; OUTCOMES sets how many of each kind are tried.
+//! `cargo test --test product -- --nocapture outcomes` prints the table of `docs/robustness.md`; OUTCOMES sets how many of each kind are tried.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
