@@ -1,4 +1,4 @@
-//! The reference pages are what the program says of itself: `docs/commands.md` is the help of every command, `docs/effects.md` the catalogue of effects.
+//! What the program prints about itself, held by snapshots in `tests/snapshots`: the help of every command, and the catalogue of effects.
 //! With `GOVTWIN_WRITE_REFERENCE=1` they are written instead of compared.
 #![cfg(all(feature = "cli", feature = "node", feature = "residual"))]
 
@@ -70,7 +70,7 @@ fn effects() -> String {
 }
 
 fn holds(name: &str, page: &str) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/snapshots").join(name);
     if std::env::var_os("GOVTWIN_WRITE_REFERENCE").is_some() {
         std::fs::write(&path, page).unwrap();
         return;
@@ -79,7 +79,7 @@ fn holds(name: &str, page: &str) {
     let differs = there.lines().zip(page.lines()).position(|(there, here)| there != here);
     assert!(
         there == page,
-        "docs/{name} is not what the program says, from line {}; write it anew: \
+        "tests/snapshots/{name} is not what the program prints, from line {}; write it anew: \
          GOVTWIN_WRITE_REFERENCE=1 cargo test --features humble,sqlite,residual --test house -- reference_pages::",
         differs.unwrap_or_else(|| there.lines().count().min(page.lines().count())) + 1
     );
@@ -89,12 +89,12 @@ fn holds(name: &str, page: &str) {
 fn the_page_of_commands_is_their_help() {
     let page = commands();
     assert!(page.contains("## govtwin sheet new\n") && page.contains("## govtwin diagnose\n"));
-    holds("commands.md", &page);
+    holds("help.txt", &page);
 }
 
 #[test]
 fn the_page_of_effects_is_the_catalogue() {
     let page = effects();
     assert!(page.contains("## backlash\n") && page.contains("| `play_pu` | pu |"));
-    holds("effects.md", &page);
+    holds("effects.txt", &page);
 }

@@ -1,4 +1,4 @@
-//! The table of docs/slips.md: every line is typed into a shell, and its answer held against the table.
+//! Mistyped command lines: each is run by a shell, and its answer held by the snapshot tests/snapshots/slips.txt.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -134,7 +134,7 @@ fn every_slip_of_the_table_is_answered_as_it_says() {
     bag(fixture.path(), "run", |_, _| {});
     let setup = Command::new("sh").arg(format!("{TOP}/tests/slips/setup.sh")).current_dir(fixture.path()).status();
     assert!(setup.unwrap().success());
-    let path = format!("{TOP}/docs/slips.md");
+    let path = format!("{TOP}/tests/snapshots/slips.txt");
     let text = fs::read_to_string(&path).unwrap();
     let rows: Vec<Row> = text.lines().filter_map(Row::parse).collect();
     assert!(rows.len() >= 200, "{}", rows.len());
@@ -166,7 +166,12 @@ fn every_slip_of_the_table_is_answered_as_it_says() {
         .filter(|(said, found)| !agree(said, found))
         .map(|(said, found)| format!("table {}\nfound {}", said.to_line(), found.to_line()))
         .collect();
-    assert!(differ.is_empty(), "{} lines of docs/slips.md are not so:\n{}", differ.len(), differ.join("\n"));
+    assert!(
+        differ.is_empty(),
+        "{} lines of tests/snapshots/slips.txt are not so:\n{}",
+        differ.len(),
+        differ.join("\n")
+    );
     let hung = found.iter().find(|row| row.code == "killed");
     assert!(hung.is_none(), "{hung:?}");
     assert!(found.iter().all(|row| row.code != "101"), "a panic");
