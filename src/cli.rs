@@ -49,7 +49,7 @@ enum Command {
     #[cfg(not(feature = "lab"))]
     #[command(visible_alias = "benchmark")]
     Blind(Absent),
-    /// Learn the weights of the posterior from diagnosed units whose faults are known.
+    /// Learn the numbers of the posterior from diagnosed units whose faults are known.
     #[cfg(feature = "lab")]
     Calibrate(commands::calibrate::Args),
     /// Learn the weights of the posterior from diagnosed units whose faults are known (not in this build).

@@ -17,7 +17,7 @@ fn judged(recordings: Vec<Recording>) -> Diagnosis {
     let settings = DiagnosisSettings { catalogue, ..DiagnosisSettings::default() };
     let said = diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap();
     // The verdict rests on evidence of fits that ended.
-    let odds = |row: &EvidenceRow| row.grid[1][1] - 5.0 * row.effects.len() as f64;
+    let odds = |row: &EvidenceRow| -0.5 * row.cost - 5.0 * row.effects.len() as f64;
     let leader = said.table.rows.iter().max_by(|a, b| odds(a).total_cmp(&odds(b))).unwrap();
     assert!(leader.refined, "{leader:?}");
     said

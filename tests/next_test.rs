@@ -6,8 +6,8 @@ use std::process::Command;
 use govtwin_bag::Topics;
 use govtwin_bag::msg;
 use govtwin_diagnosis::decision::Decision;
+use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::decision::posterior::{CountedNats, Posterior};
-use govtwin_diagnosis::decision::weights::CHAIN;
 use govtwin_diagnosis::experiment::candidate_test::candidates;
 use govtwin_diagnosis::experiment::survivors::survivors;
 use govtwin_diagnosis::experiment::{design, weigh};
@@ -134,7 +134,7 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
     let left = survivors(&found, &table, &open, &decision);
     assert_eq!(left.iter().map(|one| one.probability).collect::<Vec<_>>(), [0.5, 0.5]);
     let before = problem.simulations();
-    let proposed = design(&problem, &found, (&table, &open, &CHAIN.bayes()), &decision);
+    let proposed = design(&problem, &found, (&table, &open, &Hyperparameters::shipped()), &decision);
     let spent = problem.simulations() - before;
     assert!(spent < 600, "{spent} short simulations");
     assert!((proposed.entropy_bits - 1.0).abs() < 1e-9);
@@ -150,7 +150,7 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
 
     let settled = of(vec![(one, 0.9999), (other, 0.0001)]);
     let decision = Decision::new(&table, &settled, &catalogue());
-    let proposed = design(&problem, &found, (&table, &settled, &CHAIN.bayes()), &decision);
+    let proposed = design(&problem, &found, (&table, &settled, &Hyperparameters::shipped()), &decision);
     assert!(proposed.experiments.is_empty() && proposed.entropy_bits == 0.0, "{proposed:?}");
 }
 

@@ -100,8 +100,7 @@ missing, answers and scores of an earlier run are removed first, so that no diag
 them, and written again at the end. A DIR or OUT of another seed, rate or data sheet is refused.
 
 --stages-alone makes servomotor stages of which only spool and position are recorded. They follow
-the twin's law or a plain law, each with an error of the law that is not a fault. `govtwin
-calibrate` learns the weights for stages alone from such folders.
+the twin's law or a plain law, each with an error of the law that is not a fault.
 
 --shard I/N processes one part. Parts may run at once on one file system, in any order, and more
 than once. The same command without --shard then reads all reports and scores them; the score is

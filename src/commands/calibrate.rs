@@ -1,18 +1,16 @@
-//! `govtwin calibrate`: learn the weights of the diagnosis's posterior from judged units whose faults are known.
+//! `govtwin calibrate`: learn the numbers of the diagnosis's posterior from judged units whose faults are known.
 
 use govtwin_lab::benchmark::scored_report::ScoredReport as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin_diagnosis::decision::weights::{Questions, Weights};
-use govtwin_diagnosis::result::Interval;
+use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_diagnosis::result::{Interval, JudgedBy};
 use govtwin_files::read_text;
 use govtwin_lab::battery::Label;
-use govtwin_lab::benchmark::learn::{
-    Example, LearningResult, examples, explained_fraction_widening, learn, log_score, size_spread,
-};
-use govtwin_lab::benchmark::rejudge::{EvidenceLeftOut, rejudged};
+use govtwin_lab::benchmark::learn::{Example, examples, explained_fraction_widening, learn, log_score, size_spread};
+use govtwin_lab::benchmark::rejudge::rejudged;
 use govtwin_lab::benchmark::score::{Score, score};
 use govtwin_lab::benchmark::scored::ScoredUnit;
 use govtwin_lab::labels;
@@ -32,67 +30,29 @@ pub struct Args {
     /// Folders that `govtwin blind --generate` has generated, diagnosed and scored.
     #[arg(value_name = "DIR", required = true)]
     dirs: Vec<PathBuf>,
-    /// Keep the shipped weights for this question; may be repeated.
-    ///
-    /// Use it for a question whose evidence has not changed, if the units from which the shipped weights were learned
-    /// are not available.
-    #[arg(long, value_name = "QUESTION")]
-    keep: Vec<LearnedQuestion>,
-    /// File for the learned weights.
-    #[arg(long, value_name = "FILE", default_value = "diagnosis_weights.json")]
+    /// File for the learned numbers.
+    #[arg(long, value_name = "FILE", default_value = "posterior.json")]
     out: PathBuf,
-    /// Print JSON instead of tables: the weights, as in FILE.
+    /// Print JSON instead of tables: the numbers, as in FILE.
     #[arg(long)]
     json: bool,
 }
 
-/// A question that is answered by weights of its own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum LearnedQuestion {
-    /// Which fault set is present, if nothing is unknown.
-    Sets,
-    /// Whether something unknown is present.
-    Unknown,
-    /// At which stage the unknown is.
-    Stages,
-    /// How wide the intervals of sizes and of the explained fraction are.
-    Intervals,
-}
-
-/// Weights with those of the questions that are kept.
-fn with_kept(mut weights: Weights, shipped: &Weights, kept: &[LearnedQuestion]) -> Weights {
-    for question in kept {
-        match question {
-            LearnedQuestion::Sets => weights.sets.clone_from(&shipped.sets),
-            LearnedQuestion::Unknown => weights.unknown.clone_from(&shipped.unknown),
-            LearnedQuestion::Stages => weights.stages.clone_from(&shipped.stages),
-            LearnedQuestion::Intervals => {
-                weights.size_spread = shipped.size_spread;
-                weights.explained_fraction_widening = shipped.explained_fraction_widening;
-            }
-        }
-    }
-    weights
-}
-
 const HELP: &str = "\
-Because no equation is exact, the posterior gives the evidence learned weights. This command reads
-the evidence tables in DIR/UNIT/report.json and the answers in DIR/answers/labels.yaml, and fits
-the few weights by log score. It scores them on units that were not used in learning: with several
-folders each is scored with the weights of the others; one folder is cut into five parts.
+The posterior of the diagnosis has six global numbers that say how far equations and noise may be
+trusted, and three that say how wide intervals are. This command reads the evidence tables in
+DIR/UNIT/report.json and the answers in DIR/answers/labels.yaml, and fits the numbers by log score.
+It scores them on units that were not used in learning: with several folders each is scored with
+the numbers of the others; one folder is cut into five parts.
 
 For comparison, the same units are scored with
-  as shipped       the shipped weights; too favourable if they were learned on these folders
-  not learned      the evidence as it is, by Bayes' theorem
-  no model error   evidence without the equation error, learned again
-  single effects   evidence without sets of several effects, learned again
-  no unknown       evidence without something unknown, learned again
+  as shipped       the shipped numbers; too favourable if they were learned on these folders
+  not learned      round numbers of the right size
 Nothing is simulated.
 
-The program contains the weights of params/diagnosis_weights.json, of assumed_sheet_weights.json
-for units without a data sheet (`blind --no-sheet`), and of stage_weights.json for servomotor stages
-alone; to use others, replace that file and rebuild. Weights for units without a data sheet are
-learned as deviations from those for units with one.
+The program contains the numbers of params/posterior.json; to use others, replace that file and
+rebuild. What the folders do not show, such as how wide intervals are where no explained fraction
+was validated, stays as shipped.
 
 Example:
   govtwin calibrate 8201 8202 8203 8204    # folders of `blind --generate`
@@ -114,11 +74,11 @@ impl JudgedUnit {
         Some(report.explained_fraction()?.widened(1.0 / self.widened_by))
     }
 
-    /// What it would have been judged to be by other weights, with a part of the evidence left out and the interval of the share widened.
-    fn rejudged(&self, left_out: EvidenceLeftOut, weights: &Weights, widening: f64) -> ScoredUnit {
-        let mut report = rejudged(&self.report, &left_out.of(&self.report.evidence.table), weights);
+    /// What it would have been judged to be by other numbers, the interval of the share explained widened by theirs.
+    fn rejudged(&self, numbers: &Hyperparameters) -> ScoredUnit {
+        let mut report = rejudged(&self.report, &self.report.evidence.table, numbers);
         if let Some(claim) = self.explained_fraction(&report) {
-            report.gap.explained_fraction = claim.widened(widening);
+            report.gap.explained_fraction = claim.widened(numbers.widening(report.judged_by));
         }
         let (label, realised_fraction) = (self.label.clone(), self.came_true);
         ScoredUnit { report, label, realised_fraction, expected_log_bayes_factor: None }
@@ -130,33 +90,26 @@ impl JudgedUnit {
     }
 }
 
-/// Whose weights judge.
+/// Whose numbers judge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum WeightsOf {
+enum NumbersOf {
     /// Those learned on the other parts.
     Others,
-    /// Evidence as it is, by Bayes' theorem.
-    Bayes,
+    /// Nothing learned.
+    Usual,
     /// Those that the program ships with.
     Shipped,
 }
 
-/// Variants that are scored on units not seen, by name: what is left out of the evidence, and whose weights judge.
-const VARIANTS: [(&str, EvidenceLeftOut, WeightsOf); 6] = [
-    ("learned", EvidenceLeftOut::Nothing, WeightsOf::Others),
-    ("as shipped", EvidenceLeftOut::Nothing, WeightsOf::Shipped),
-    ("not learned", EvidenceLeftOut::Nothing, WeightsOf::Bayes),
-    ("no model error", EvidenceLeftOut::ModelError, WeightsOf::Others),
-    ("single effects", EvidenceLeftOut::SeveralEffects, WeightsOf::Others),
-    ("no unknown", EvidenceLeftOut::Unknown, WeightsOf::Others),
-];
+/// Whose numbers are scored, by name.
+const VARIANTS: [(&str, NumbersOf); 3] =
+    [("learned", NumbersOf::Others), ("as shipped", NumbersOf::Shipped), ("not learned", NumbersOf::Usual)];
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let _claim = claim_place("--out", &args.out)?;
     let batteries = args.dirs.iter().map(|dir| read(dir)).collect::<anyhow::Result<Vec<_>>>()?;
-    let questions = questions(&batteries)?;
-    let shipped = questions.shipped();
+    let shipped = Hyperparameters::shipped();
     let parts: Vec<Vec<&JudgedUnit>> = match batteries.as_slice() {
         [one] => (0..PARTS)
             .map(|part| one.iter().skip(part).step_by(PARTS).collect::<Vec<_>>())
@@ -164,114 +117,87 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             .collect(),
         several => several.iter().map(|units| units.iter().collect()).collect(),
     };
+    let of = |units: &Vec<&JudgedUnit>| -> Vec<Example> {
+        units.iter().flat_map(|unit| examples(&unit.label, &unit.report.evidence.table)).collect()
+    };
+    let all: Vec<Vec<Example>> = parts.iter().map(of).collect();
+    let learned = learn(&all);
     let mut scores = Vec::new();
     let mut by_folder = Vec::new();
-    let mut whole: Option<LearningResult> = None;
-    for (name, left_out, weights_of) in VARIANTS {
-        let of = |units: &Vec<&JudgedUnit>| -> Vec<Example> {
-            let table = |report: &DiagnosisReport| left_out.of(&report.evidence.table);
-            units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.report))).collect()
-        };
-        let examples: Vec<Vec<Example>> = parts.iter().map(of).collect();
-        let learned = learn(&examples, questions, &|weights| with_kept(weights, &shipped, &args.keep));
-        let weights = |part: usize| match weights_of {
-            WeightsOf::Others => learned.of_others[part].clone(),
-            WeightsOf::Bayes => questions.bayes(),
-            WeightsOf::Shipped => shipped.clone(),
-        };
+    for (name, numbers_of) in VARIANTS {
         let mut cases = Vec::new();
         for (part, units) in parts.iter().enumerate() {
-            let others = parts.iter().enumerate().filter(|(other, _)| *other != part).flat_map(|(_, units)| units);
-            let widening = match weights_of {
-                WeightsOf::Shipped => shipped.explained_fraction_widening,
-                WeightsOf::Others | WeightsOf::Bayes => {
-                    explained_fraction_widening(&others.filter_map(|unit| unit.claim()).collect::<Vec<_>>())
+            let numbers = match numbers_of {
+                NumbersOf::Others => {
+                    let others =
+                        parts.iter().enumerate().filter(|(other, _)| *other != part).flat_map(|(_, units)| units);
+                    counted(learned.of_others[part].clone(), &others.copied().collect::<Vec<_>>(), &shipped)
                 }
+                NumbersOf::Usual => counted(Hyperparameters::usual(), &[], &shipped),
+                NumbersOf::Shipped => shipped.clone(),
             };
-            let weights = weights(part);
-            let judged: Vec<ScoredUnit> =
-                units.iter().map(|unit| unit.rejudged(left_out, &weights, widening)).collect();
-            if whole.is_none() && batteries.len() > 1 {
-                by_folder.push((folder(&args.dirs[part]), log_score(&examples[part], &weights), score(&judged)));
+            let judged: Vec<ScoredUnit> = units.iter().map(|unit| unit.rejudged(&numbers)).collect();
+            if numbers_of == NumbersOf::Others && batteries.len() > 1 {
+                by_folder.push((folder(&args.dirs[part]), log_score(&all[part], &numbers), score(&judged)));
             }
             cases.extend(judged);
         }
-        let mean = match weights_of {
-            WeightsOf::Others => learned.held_out,
-            WeightsOf::Bayes => learned.bayes,
-            WeightsOf::Shipped => log_score(&examples.concat(), &shipped),
+        let mean = match numbers_of {
+            NumbersOf::Others => learned.held_out,
+            NumbersOf::Usual => learned.usual,
+            NumbersOf::Shipped => log_score(&all.concat(), &shipped),
         };
         scores.push((name.to_owned(), mean, score(&cases)));
-        whole.get_or_insert(learned);
     }
-    let Some(learned) = whole else { bail!("there is nothing to learn from") };
-    let all: Vec<&JudgedUnit> = batteries.iter().flatten().collect();
-    let pairs: Vec<(&Label, &DiagnosisReport)> = all.iter().map(|unit| (&unit.label, &unit.report)).collect();
-    let claims: Vec<(Interval, f64)> = all.iter().filter_map(|unit| unit.claim()).collect();
-    let learned_weights = Weights {
-        size_spread: size_spread(&pairs),
-        explained_fraction_widening: explained_fraction_widening(&claims),
+    let units: Vec<&JudgedUnit> = batteries.iter().flatten().collect();
+    let numbers = Hyperparameters {
         provenance: serde_json::json!({
             "program": env!("CARGO_PKG_VERSION"),
             "folders": args.dirs.iter().map(|dir| folder(dir)).collect::<Vec<_>>(),
-            "units": all.len(),
+            "units": units.len(),
             "units_are": "synthetic, made by `govtwin blind --generate`",
-            "log_score": {"not_learned": learned.bayes, "held_out": learned.held_out, "seen": learned.seen},
+            "log_score": {"not_learned": learned.usual, "held_out": learned.held_out, "seen": learned.seen},
             "first_word_right_held_out": learned.held_out_right,
             "reliability": reliability(&scores),
-            "kept": kept(&args.keep, &shipped),
         }),
-        ..learned.weights.clone()
+        ..counted(learned.numbers.clone(), &units, &shipped)
     };
-    let weights = with_kept(learned_weights, &shipped, &args.keep);
-    let mut text = serde_json::to_string_pretty(&weights)?;
+    let mut text = serde_json::to_string_pretty(&numbers)?;
     text.push('\n');
     write_atomically(&args.out, text.as_bytes())?;
     let mut lines = format!(
         "{} units. Mean log score: {:.3} not learned; {:.3} learned, on held-out units; {:.3} learned, on the same units.\n\
          Most probable answer right on held-out units: {:.0} %.\n\n",
-        all.len(),
-        learned.bayes,
+        units.len(),
+        learned.usual,
         learned.held_out,
         learned.seen,
         100.0 * learned.held_out_right
     );
-    let groups = ["Fault sets", "Something unknown", "Stages"].into_iter().zip(&weights.features);
-    for ((group, names), of) in groups.zip([&weights.sets, &weights.unknown, &weights.stages]) {
-        lines += &format!("{group}:\n");
-        for (name, weight) in names.iter().zip(of) {
-            lines += &format!("{weight:9.3}  {name}\n");
-        }
+    for (name, value) in numbers.named() {
+        lines += &format!("{value:9.3}  {name}\n");
     }
     lines += &told("On held-out units", &scores);
     lines += &bins(&scores);
-    lines += &told("By folder, each with the weights of the others", &by_folder);
+    lines += &told("By folder, each with the numbers of the others", &by_folder);
     print(if args.json { &text } else { &lines })?;
     Ok(Outcome::Ok)
 }
 
-/// What is asked of these units: whole chains, or servomotor stages alone.
-fn questions(batteries: &[Vec<JudgedUnit>]) -> anyhow::Result<&'static Questions> {
-    let mut asked = batteries.iter().flatten().map(|unit| Questions::of(&unit.report.evidence.table));
-    let Some(first) = asked.next() else { bail!("there is nothing to learn from") };
-    if asked.any(|other| !std::ptr::eq(other, first)) {
-        bail!(
-            "expected units of one kind, found several of whole chains with a data sheet, without one, and servomotor stages alone: learn \
-             each from folders of its own"
-        );
+/// The numbers with those that are counted on these units; what they do not show stays as shipped.
+fn counted(numbers: Hyperparameters, units: &[&JudgedUnit], shipped: &Hyperparameters) -> Hyperparameters {
+    let pairs: Vec<(&Label, &DiagnosisReport)> = units.iter().map(|unit| (&unit.label, &unit.report)).collect();
+    let claims = |judged_by: JudgedBy| -> Option<f64> {
+        let of = units.iter().filter(|unit| unit.report.judged_by == judged_by);
+        explained_fraction_widening(&of.filter_map(|unit| unit.claim()).collect::<Vec<_>>())
+    };
+    Hyperparameters {
+        size_spread: size_spread(&pairs).unwrap_or(shipped.size_spread),
+        explained_fraction_widening: claims(JudgedBy::DataSheet).unwrap_or(shipped.explained_fraction_widening),
+        explained_fraction_widening_assumed_sheet: claims(JudgedBy::AssumedSheet)
+            .unwrap_or(shipped.explained_fraction_widening_assumed_sheet),
+        ..numbers
     }
-    Ok(first)
-}
-
-/// Questions whose weights were kept, and where these were learned.
-fn kept(questions: &[LearnedQuestion], shipped: &Weights) -> serde_json::Value {
-    let names = questions.iter().filter_map(clap::ValueEnum::to_possible_value).map(|name| name.get_name().to_owned());
-    let names: Vec<String> = names.collect();
-    let of = |key: &str| shipped.provenance[key].clone();
-    if names.is_empty() {
-        return serde_json::Value::Null;
-    }
-    serde_json::json!({"questions": names, "learned_on": {"folders": of("folders"), "units": of("units")}})
 }
 
 /// The name of a folder.
@@ -312,7 +238,7 @@ fn read(dir: &Path) -> anyhow::Result<Vec<JudgedUnit>> {
         let widened_by = report
             .evidence
             .explained_fraction_widened_by
-            .unwrap_or_else(|| Questions::of(&report.evidence.table).shipped().explained_fraction_widening);
+            .unwrap_or_else(|| Hyperparameters::shipped().widening(report.judged_by));
         units.push(JudgedUnit { label: Label { strength_ratio, ..label }, report, widened_by, came_true });
     }
     if units.is_empty() {

@@ -4,10 +4,8 @@
 //! that holds nine tenths of its probability: effects that all of them share are named, with every other that is likelier there than not; where they
 //! share none, the verdict is the class of them.
 
-pub mod features;
+pub mod hyperparameters;
 pub mod posterior;
-mod stage_alone;
-pub mod weights;
 
 use crate::decision::posterior::Posterior;
 use crate::hypotheses::table::EvidenceTable;
@@ -132,14 +130,8 @@ fn verdict_on(
         let named = order.iter().filter(|(id, p)| shared(id) || *p > 0.5 * known).map(|(id, _)| *id);
         return (Verdict::Named, named.collect());
     }
-    let mut held = 0.0;
     let competing = order.into_iter().filter(|(id, _)| sets.iter().any(|(set, _)| set.iter().any(|one| one == id)));
-    let class = competing.take_while(|(_, p)| {
-        let wanted = held < CREDIBLE * known;
-        held += p;
-        wanted
-    });
-    (Verdict::Class, class.take(CLASS).map(|(id, _)| id).collect())
+    (Verdict::Class, competing.take(CLASS).map(|(id, _)| id).collect())
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::estimation::coordinate::Coordinate;
 use crate::estimation::linear::crossed;
-use crate::evidence::law_error::{LAW_ERRORS, Modulations, limits};
+use crate::evidence::law_error::{Modulations, NO_LAW_ERROR, limits};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::Problem;
@@ -174,12 +174,6 @@ impl NormalEquations {
         solved.rows_range(self.slopes..).norm_squared()
     }
 
-    /// Logarithm of the evidence at each size of the error of equations (rows of [`KAPPAS`]) and of laws ([`LAW_ERRORS`]).
-    #[must_use]
-    pub fn grid(&self) -> [[f64; LAW_ERRORS.len()]; KAPPAS.len()] {
-        KAPPAS.map(|kappa| LAW_ERRORS.map(|law_error| self.at(kappa, law_error)))
-    }
-
     /// Logarithm of the evidence with errors of equations and of laws of these sizes.
     #[must_use]
     pub fn at(&self, kappa: f64, law_error: f64) -> f64 {
@@ -195,7 +189,7 @@ impl NormalEquations {
         }
         let all = KAPPAS[1..].iter().flat_map(|&kappa| UNKNOWN_SIZES.map(|size| (kappa, size)));
         let count = ((KAPPAS.len() - 1) * UNKNOWN_SIZES.len()) as f64;
-        log_sum(all.map(|(kappa, size)| self.with_terms(|k| if at[k] { size } else { kappa }, LAW_ERRORS[0])))
+        log_sum(all.map(|(kappa, size)| self.with_terms(|k| if at[k] { size } else { kappa }, NO_LAW_ERROR)))
             - count.ln()
     }
 
@@ -209,7 +203,7 @@ impl NormalEquations {
         let mut h = self.hessian.clone();
         for k in 0..self.gradient.len() - n {
             let size = if k >= b {
-                LAW_ERRORS[0]
+                NO_LAW_ERROR
             } else if here[k] {
                 sizes.0
             } else {
@@ -236,16 +230,15 @@ impl NormalEquations {
         0.5 * gradient.dot(&cholesky.solve(&gradient))
     }
 
-    /// Logarithm of the evidence, without an error of equations, of all recordings but each in turn: one Gauss-Newton step refits the rest.
+    /// The cost of all recordings but each in turn: one Gauss-Newton step refits the rest.
     #[must_use]
-    pub fn without_each(&self) -> Vec<f64> {
+    pub fn cost_without_each(&self) -> Vec<f64> {
         let n = self.slopes;
         let all = self.hessian.view((0, 0), (n, n)).into_owned();
         let of = |part: &RecordingNormal| {
-            let cost = self.cost - part.cost;
-            let Some(cholesky) = Cholesky::new(&all - &part.hessian) else { return -0.5 * cost };
-            let gain = part.gradient.dot(&cholesky.solve(&part.gradient));
-            0.5 * (gain - cost - log_determinant(&cholesky) + self.log_precision) + self.sizes
+            let gain = Cholesky::new(&all - &part.hessian)
+                .map_or(0.0, |cholesky| part.gradient.dot(&cholesky.solve(&part.gradient)));
+            self.cost - part.cost - gain
         };
         self.parts.iter().map(of).collect()
     }

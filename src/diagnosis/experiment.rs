@@ -13,8 +13,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::decision::Decision;
+use crate::decision::hyperparameters::Hyperparameters;
 use crate::decision::posterior::{CountedNats, Posterior};
-use crate::decision::weights::Weights;
 use crate::estimation::coordinate::Residuals;
 use crate::estimation::fit::slopes;
 use crate::experiment::candidate_test::{Candidate, candidates};
@@ -54,10 +54,10 @@ pub struct Next {
 pub fn design(
     problem: &Problem,
     found: &Explored,
-    judged: (&EvidenceTable, &Posterior, &Weights),
+    judged: (&EvidenceTable, &Posterior, &Hyperparameters),
     decision: &Decision,
 ) -> Next {
-    let (table, posterior, weights) = judged;
+    let (table, posterior, numbers) = judged;
     let left = survivors(found, table, posterior, decision);
     let entropy_bits = entropy_bits(left.iter().map(|one| one.probability));
     if entropy_bits < LEAST_BITS {
@@ -76,7 +76,7 @@ pub fn design(
         leader.model,
         &found.refitted().unit(),
         candidates,
-        (CountedNats::new(table, weights), recorded),
+        (CountedNats::new(table, numbers), recorded),
     );
     Next { entropy_bits, experiments: chosen(weighed, entropy_bits) }
 }

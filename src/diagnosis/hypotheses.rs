@@ -72,6 +72,13 @@ impl Explored {
         self.hypotheses.iter().find(is_it).map(|one| &one.model)
     }
 
+    /// The model of the first of these sets that was fitted and kept, likeliest first; the leader where none was.
+    #[must_use]
+    pub fn nearest(&self, sets: &[(Vec<String>, f64)]) -> &FittedModel {
+        let model = |(ids, _): &(Vec<String>, f64)| self.with(&ids.iter().map(String::as_str).collect::<Vec<_>>());
+        sets.iter().find_map(model).unwrap_or_else(|| self.leader())
+    }
+
     /// Fits with care what a verdict claims: all of the effects together where they are named, and each alone.
     pub fn complete(
         &mut self,

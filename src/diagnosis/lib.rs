@@ -31,8 +31,8 @@ pub mod watch;
 pub mod words;
 
 use crate::decision::Decision;
-use crate::decision::posterior::Posterior;
-use crate::decision::weights::{Questions, Weights};
+use crate::decision::hyperparameters::Hyperparameters;
+use crate::decision::posterior::{Posterior, leaders};
 use crate::hypotheses::table::EvidenceTable;
 use crate::hypotheses::{Exploration, Explored};
 use crate::likelihood::loop_noise::quieter;
@@ -160,8 +160,9 @@ pub fn diagnose(
     let mut table = EvidenceTable::new(&problem, &explored, &settings.catalogue);
     table.assumed_sheet = settings.judged_by == JudgedBy::AssumedSheet;
     stage_only::left_out::add(&mut table, &problem, &explored, &ready);
-    let weights = Questions::of(&table).shipped();
-    let posterior = Posterior::new(&table, &weights, &[]);
+    let numbers = Hyperparameters::shipped();
+    table.look_at_parts(&problem, &explored, &leaders(&table, &numbers));
+    let posterior = Posterior::new(&table, &numbers, &[]);
     let mut decision = Decision::new(&table, &posterior, &settings.catalogue);
     let mut notes = ready.notes.clone();
     if stage_only {
@@ -174,7 +175,7 @@ pub fn diagnose(
     }
     notes.extend(rests_on(
         &table,
-        &weights,
+        &numbers,
         &decision,
         &problem.recordings.iter().map(|recording| recording.name.clone()).collect::<Vec<_>>(),
     ));
@@ -187,7 +188,7 @@ pub fn diagnose(
         table,
         posterior: &posterior,
         decision: &decision,
-        weights: &weights,
+        numbers: &numbers,
     };
     let mut diagnosis = summary::gather(judged, &ready.unit, settings, BeforeVerdict { channels, notes });
     diagnosis.part = stage_only::describe(&ready, &explored, &decision);
@@ -205,7 +206,7 @@ const FAR_FROM_SHEET: f64 = 4.0;
 
 /// What is nearest where nothing has a name, and how far the sheet must be wrong for it.
 fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
-    let nearest = explored.leader();
+    let nearest = explored.nearest(&decision.sets);
     let far = nearest.stretched(FAR_FROM_SHEET);
     let unknown = decision.verdict == Verdict::Unknown;
     let names: Vec<String> = nearest.ids().iter().map(|id| id_words(id)).collect();
@@ -224,7 +225,12 @@ fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
 }
 
 /// Which recording a name rests on: without it the posterior would name something else, or nothing.
-fn rests_on(table: &EvidenceTable, weights: &Weights, decision: &Decision, recordings: &[String]) -> Option<String> {
+fn rests_on(
+    table: &EvidenceTable,
+    numbers: &Hyperparameters,
+    decision: &Decision,
+    recordings: &[String],
+) -> Option<String> {
     if decision.verdict != Verdict::Named {
         return None;
     }
@@ -233,7 +239,7 @@ fn rests_on(table: &EvidenceTable, weights: &Weights, decision: &Decision, recor
             "One recording alone: this is its best explanation, not confirmed by another recording.".to_owned(),
         );
     }
-    let without = |left: usize| Posterior::new(&table.without(left), weights, &[]);
+    let without = |left: usize| Posterior::new(&table.without(left), numbers, &[]);
     let kept = |left: usize| {
         let posterior = without(left);
         decision.blamed.iter().all(|id| posterior.inclusion(table, id) > 0.5)

@@ -4,6 +4,7 @@ mod claims;
 mod findings;
 mod interval;
 mod judged_by;
+mod remainder;
 pub mod schema;
 mod sheet_limits;
 mod stage_figures;
@@ -22,6 +23,7 @@ pub use crate::result::findings::{
 };
 pub use crate::result::interval::Interval;
 pub use crate::result::judged_by::JudgedBy;
+pub use crate::result::remainder::{LargestError, Remainder};
 pub use crate::result::sheet_limits::{HiddenEffect, SheetLimits, SheetValue};
 pub use crate::result::stage_figures::{FreeRun, StageFigure, StageOnly};
 pub use crate::result::traces::Trace;
@@ -39,7 +41,7 @@ pub enum Verdict {
     Named,
     /// One of a few effects that these recordings cannot tell apart.
     Class,
-    /// A gap that nothing in the catalogue explains.
+    /// A gap of which nothing in the catalogue explains most.
     Unknown,
     /// Nothing beyond noise and tolerances.
     NoGap,
@@ -89,6 +91,8 @@ pub struct Diagnosis {
     pub gap: Vec<SignalGap>,
     /// Share of the gap that the blamed effects close together, on data left out of the fit.
     pub explained_fraction: Interval,
+    /// What the blamed effects leave, or, where none is blamed, the likeliest ones; none where there is no gap.
+    pub remainder: Option<Remainder>,
     /// Tests that would tell more, best first; none where nothing is to be settled.
     pub experiments: Vec<Experiment>,
     /// Entropy of the posterior over the hypotheses that are left, bits.

@@ -3,14 +3,15 @@
 pub(crate) mod breakdown;
 pub(crate) mod discrepancy_terms;
 pub mod explained_fraction;
+pub(crate) mod remainder;
 pub(crate) mod sheet_limits;
 pub(crate) mod stages;
 pub(crate) mod traces;
 
 use crate::DiagnosisSettings;
 use crate::decision::Decision;
+use crate::decision::hyperparameters::Hyperparameters;
 use crate::decision::posterior::{CountedNats, Posterior};
-use crate::decision::weights::Weights;
 use crate::detectability::{ambiguous_pairs, detectable_sizes};
 use crate::estimation::coordinate::Coordinate;
 use crate::experiment::design;
@@ -27,6 +28,7 @@ use crate::summary::discrepancy_terms::discrepancy_terms;
 use crate::summary::explained_fraction::{
     HeldOutEstimates, Refitted, explained_fraction, explained_fraction_of, without_parts, without_recordings,
 };
+use crate::summary::remainder::remainder;
 use crate::summary::sheet_limits::sheet_limits;
 use crate::summary::traces::traces;
 use govtwin_model::effects::EffectSpec;
@@ -65,7 +67,7 @@ pub struct Judged<'a> {
     /// The verdict.
     pub decision: &'a Decision,
     /// The learned numbers.
-    pub weights: &'a Weights,
+    pub numbers: &'a Hyperparameters,
 }
 
 impl Judged<'_> {
@@ -74,6 +76,15 @@ impl Judged<'_> {
         let blamed = self.decision.blamed.as_slice();
         let claim = if self.decision.verdict == Verdict::Class { &blamed[..1] } else { blamed };
         self.explored.with(claim).unwrap_or_else(|| self.explored.refitted())
+    }
+
+    /// The same, and where nothing is named the model of the likeliest fault set.
+    fn nearest(&self) -> &FittedModel {
+        let chosen = self.chosen();
+        if !chosen.effects.is_empty() {
+            return chosen;
+        }
+        self.explored.nearest(&self.decision.sets)
     }
 }
 
@@ -100,9 +111,15 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
     let refitted_parts = without_parts(problem, refitted_model);
-    let widened = |interval: Interval| interval.widened(judged.weights.explained_fraction_widening);
+    let widening = judged.numbers.widening(settings.judged_by);
+    let widened = |interval: Interval| interval.widened(widening);
     let whole = widened(explained_fraction(problem, &refitted_parts, &without_parts(problem, chosen), settings.seed));
-    let mut blamed = blames(&judged, chosen, verdict, &refitted_parts, settings.seed);
+    let nearest = if has_gap { judged.nearest() } else { chosen };
+    let is_claimed = std::ptr::eq(nearest, chosen);
+    let of_nearest =
+        || widened(explained_fraction(problem, &refitted_parts, &without_parts(problem, nearest), settings.seed));
+    let explained = if is_claimed { whole } else { of_nearest() };
+    let mut blamed = blames(&judged, chosen, verdict, &refitted_parts, settings);
     if verdict == Verdict::Named {
         share_out(whole.value, &mut blamed);
     }
@@ -111,8 +128,9 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     let chosen_without = if is_new { without_recordings(problem, chosen) } else { refitted_without.clone() };
     let [delivered, refitted, with_effects] =
         [unit, &refitted_model.unit(), &chosen.unit()].map(|unit| problem.simulate_all(unit));
+    let with_nearest = if is_claimed { with_effects.clone() } else { problem.simulate_all(&nearest.unit()) };
     let known = unit.effects.len();
-    let spread = judged.weights.size_spread;
+    let spread = judged.numbers.size_spread;
     let of_sheet = |free_parameter: &FreeParameter| !matches!(free_parameter, FreeParameter::Effect { effect, .. } if *effect >= known);
     let parameters = fitted(chosen, spread, of_sheet);
     for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {
@@ -124,7 +142,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
             notes.push(format!("{}, {}: {trouble}.", channel.recording, channel.signal.title()));
         }
     }
-    let next = design(problem, explored, (&judged.table, judged.posterior, judged.weights), decision);
+    let next = design(problem, explored, (&judged.table, judged.posterior, judged.numbers), decision);
     Diagnosis {
         verdict,
         stage: stage.filter(|_| has_gap),
@@ -132,7 +150,8 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         ranking: ranking(decision),
         gap: gaps(problem, &delivered, &refitted, &with_effects),
         explained_fraction: whole,
-        explained_fraction_widened_by: judged.weights.explained_fraction_widening,
+        explained_fraction_widened_by: widening,
+        remainder: has_gap.then(|| remainder(problem, explored, (nearest, &with_nearest), explained)),
         experiments: next.experiments,
         entropy_bits: next.entropy_bits,
         refitted: refitted_model.unit(),
@@ -142,7 +161,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         sheet_limits: Some(sheet_limits(
             explored,
             (&judged.table, judged.posterior),
-            CountedNats::new(&judged.table, judged.weights),
+            CountedNats::new(&judged.table, judged.numbers),
             &settings.catalogue,
         )),
         ambiguous_pairs: ambiguous_pairs(explored, &settings.catalogue),
@@ -159,7 +178,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         samples: problem.recordings.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
         consistency: [refitted_model, explored.leader()].map(|model| consistency(problem, model)),
         sets: decision.sets.clone(),
-        traces: traces(problem, [&delivered, &refitted, &with_effects]),
+        traces: traces(problem, [&delivered, &refitted, &with_nearest]),
         blamed,
         judged_by: settings.judged_by,
         part: None,
@@ -219,7 +238,7 @@ fn blames(
     chosen: &FittedModel,
     verdict: Verdict,
     refitted: &HeldOutEstimates,
-    seed: u64,
+    settings: &DiagnosisSettings,
 ) -> Vec<Blame> {
     let decision = judged.decision;
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
@@ -234,13 +253,14 @@ fn blames(
             let spec = decision.effects.iter().find(|(spec, _)| spec.id == *id)?.0;
             // Parameters come from the model that is claimed, explained fraction from the effect on its own.
             let model = if chosen.has(id) { chosen } else { alone };
-            let share = explained_fraction(judged.problem, refitted, &without_parts(judged.problem, alone), seed);
+            let share =
+                explained_fraction(judged.problem, refitted, &without_parts(judged.problem, alone), settings.seed);
             Some(Blame {
                 id: spec.id.to_owned(),
                 stage: spec.stage,
                 probability: probability(id),
-                parameters: fitted_effect(model, judged.weights.size_spread, spec),
-                explained_fraction: share.widened(judged.weights.explained_fraction_widening),
+                parameters: fitted_effect(model, judged.numbers.size_spread, spec),
+                explained_fraction: share.widened(judged.numbers.widening(settings.judged_by)),
                 last_in: None,
                 shapley: None,
             })

@@ -5,6 +5,9 @@ use govtwin_model::effects::{self, Stage};
 use govtwin_model::number::{fixed, scaled_unit, significant};
 use govtwin_model::signal::Signal;
 
+/// Share of the error that is worth a word where it remains.
+const LEAST_REMAINDER: f64 = 0.05;
+
 /// A share as a percentage.
 pub fn percent(share: f64) -> String {
     if share.is_finite() { format!("{} %", fixed(100.0 * share, 0)) } else { "–".into() }
@@ -270,6 +273,28 @@ pub fn over_noise(diagnosis: &Diagnosis) -> String {
     };
     let all: Vec<String> = diagnosis.gap.iter().filter(known).enumerate().map(of).collect();
     if all.is_empty() { String::new() } else { format!("The remaining RMS error is {}.", listed(&all, "and")) }
+}
+
+/// What the twin with effects is called beside the recalibrated one; none where it has none.
+pub fn improved(diagnosis: &Diagnosis) -> Option<&'static str> {
+    let nearest = diagnosis.remainder.as_ref().is_some_and(|one| !one.beside.is_empty());
+    match diagnosis.blamed.is_empty() {
+        false => Some("with faults"),
+        true => nearest.then_some("with the nearest causes"),
+    }
+}
+
+/// What the causes leave and where: `27 % of the error beyond noise remains: look at the main ports and servomotor; it is largest in …`.
+pub fn remains(diagnosis: &Diagnosis) -> Option<String> {
+    let one = diagnosis.remainder.as_ref().filter(|one| one.share >= LEAST_REMAINDER)?;
+    let stage = one.stage.map(|stage| format!("something else at the {} would explain most of it", stage_title(stage)));
+    let largest = one.largest.as_ref().map(|at| {
+        let signal = at.signal.title().to_lowercase();
+        format!("it is largest in {} from {} to {} s, {signal}", at.recording, fixed(at.from_s, 1), fixed(at.to_s, 1))
+    });
+    let places: Vec<String> = stage.into_iter().chain(largest).collect();
+    let places = if places.is_empty() { String::new() } else { format!(": {}", places.join("; ")) };
+    Some(format!("{} of the error beyond noise remains{places}.", percent(one.share)))
 }
 
 /// A text with a capital letter.

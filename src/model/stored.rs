@@ -45,21 +45,10 @@ pub fn unbounded<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::E
     Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
 
-/// Evidence, natural logarithms; that of what is impossible where there is none.
-pub fn evidence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+/// Sizes; infinite where there is none.
+pub fn all_unbounded<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
     let found: Vec<Option<f64>> = Deserialize::deserialize(deserializer)?;
-    Ok(found.into_iter().map(|one| one.unwrap_or(f64::NEG_INFINITY)).collect())
-}
-
-/// The same on a grid.
-pub fn evidence_grid<'de, D: Deserializer<'de>, const ROWS: usize, const COLUMNS: usize>(
-    deserializer: D,
-) -> Result<[[f64; COLUMNS]; ROWS], D::Error>
-where
-    [[Option<f64>; COLUMNS]; ROWS]: Deserialize<'de>,
-{
-    let found: [[Option<f64>; COLUMNS]; ROWS] = Deserialize::deserialize(deserializer)?;
-    Ok(found.map(|row| row.map(|one| one.unwrap_or(f64::NEG_INFINITY))))
+    Ok(found.into_iter().map(|one| one.unwrap_or(f64::INFINITY)).collect())
 }
 
 /// Both ends of a range; NaN where there is none.

@@ -50,7 +50,7 @@ pub fn page(diagnosis: &Diagnosis, made: &Provenance) -> Result<Page, DrawError>
     opening(body, diagnosis, made);
     residuals(body, diagnosis, explained)?;
     if diagnosis.traces.iter().any(|trace| !trace.time_s.is_empty()) {
-        recordings(body, diagnosis, explained)?;
+        recordings(body, diagnosis)?;
     }
     location(body, diagnosis, explained)?;
     causes(body, diagnosis)?;
@@ -119,6 +119,13 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
         };
         key.push(KeyFigure::new("error explained", value, "").hint(hint));
     }
+    let nearest = diagnosis.remainder.as_ref().filter(|one| diagnosis.blamed.is_empty() && !one.beside.is_empty());
+    if let Some(nearest) = nearest.filter(|nearest| nearest.explained.is_bounded()) {
+        let names: Vec<String> = nearest.beside.iter().map(|id| words::id_words(id)).collect();
+        let key_figure =
+            KeyFigure::new("error explained by the nearest causes", words::percent(nearest.explained.value), "");
+        key.push(key_figure.hint(words::listed(&names, "and")));
+    }
     body.key_figures(key);
     for origin in made.origins() {
         body.note(Tone::Plain, origin);
@@ -185,13 +192,14 @@ fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Res
     Ok(())
 }
 
-fn recordings(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
+fn recordings(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawError> {
     body.heading("Measured and simulated signals");
+    let improved = words::improved(diagnosis);
     // A report that was read back has the curves of one recording.
     let mut order: Vec<&Trace> = diagnosis.traces.iter().filter(|trace| !trace.time_s.is_empty()).collect();
     order.sort_by(|a, b| traces::gap(b).total_cmp(&traces::gap(a)));
     let sheet = diagnosis.judged_by.sheet_title();
-    let picture = |trace: &Trace, window_s| traces::picture(trace, window_s, explained, sheet);
+    let picture = |trace: &Trace, window_s| traces::picture(trace, window_s, improved, sheet);
     for (rank, trace) in order.into_iter().enumerate() {
         let mut inner = PageBody::new();
         let into = if rank == 0 { &mut *body } else { &mut inner };

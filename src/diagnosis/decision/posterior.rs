@@ -1,154 +1,33 @@
-//! The posterior over fault sets: evidence, prior odds and a few learned weights make probabilities that sum to 1.
+//! The posterior over fault sets and something unknown: probabilities that follow the evidence of the fitted sets, and cannot contradict it.
 //!
-//! Three questions, each with learned weights. Is something unknown at work: does the best fault set leave more than a right model would (a logistic
-//! regression)? If not, which set (a conditional logit over the evidence of all fitted sets, the sheet alone among them; McFadden 1974)? If so, at which
-//! stage (a conditional logit over the evidence of discrepancy terms there)? The weights and what they multiply stand in [`super::weights`].
+//! A set that leaves χ² over n independent samples has the likelihood `∫ s⁻ⁿ exp(−χ²/2s²) ds/s ∝ (χ²)^(−n/2)` where nobody knows the scale s of what
+//! is left (Jeffreys's prior; Student's t of all residuals together): what counts is the factor by which a set lowers χ², whatever the noise. What the
+//! laws of effects get wrong is left by the right set too, so no set is better for leaving less than that.
+//!
+//! Whether something unknown is at work rests on what each set fails to explain, beside what it explains. The numbers that this takes stand in
+//! [`super::hyperparameters`]; nothing else is learned. A lower χ² of a set never lowers its probability.
 
 use std::collections::BTreeMap;
 
-use crate::decision::features::{FARTHEST, FREEDOM, ODDS, by_kind, oddness, score, shares, softmax};
-use crate::decision::stage_alone;
-use crate::decision::weights::{OF_STAGES, Questions, Weights};
+use crate::decision::hyperparameters::Hyperparameters;
 use crate::evidence::parts::PartFit;
 use crate::hypotheses::table::{EvidenceRow, EvidenceTable};
+use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::SOUND_MEAN_SQUARE;
 use govtwin_model::effects::{Stage, find};
 
-/// Spread of the logarithm of χ² between sound units beyond what their number of samples brings: 0.07 of 19 generated ones at 100 Hz.
-const SCATTER: f64 = 0.1;
+/// Share of its probability that something unknown has evenly over all stages, whatever the evidence of their discrepancy terms.
+const ANYWHERE: f64 = 0.05;
 
-/// Share that counts for a stage without any known effect.
-const LEAST_SHARE: f64 = 0.03;
+/// Sets whose parts of the chain are looked at, at most, and their least share.
+const LEADERS: usize = 2;
+const LEAST_LEADER: f64 = 0.05;
 
-/// The hypotheses of a table with their features.
-#[derive(Clone, Debug)]
-pub struct Hypotheses {
-    /// Fault sets by their row of the table.
-    pub sets: Vec<(usize, Vec<f64>)>,
-    /// Probability of each of them if nothing is unknown.
-    of_sets: Vec<f64>,
-    /// Something unknown, against all sets together.
-    pub unknown: Vec<f64>,
-    /// Stages by id, where something unknown may be; none where nothing unknown is weighed.
-    pub stages: Vec<(String, Vec<f64>)>,
-    /// By what nats are divided for what the best set leaves beyond a right model.
-    pub scale: f64,
-}
+/// Squares below this are taken for it, pu²: no recording is finer.
+const LEAST_SQUARE: f64 = 1e-12;
 
-impl Hypotheses {
-    /// Those of a table, without sets of struck effects; none of an empty table. How probable sets are if nothing is unknown is by these weights of sets.
-    #[must_use]
-    pub fn new(table: &EvidenceTable, struck: &[&str], set_weights: &[f64]) -> Option<Self> {
-        if let Some(stage) = &table.stage_alone {
-            let (sets, of_sets, scale) = stage_alone::sets(table, stage, struck, set_weights)?;
-            // Whether something unknown acts is left to what transducers account for.
-            return Some(Self { sets, of_sets, unknown: Vec::new(), stages: Vec::new(), scale });
-        }
-        let allowed = |row: &&EvidenceRow| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
-        let rows: Vec<(usize, &EvidenceRow)> = table.rows.iter().enumerate().filter(|(_, row)| allowed(row)).collect();
-        let odds = |row: &EvidenceRow| row.evidence() - ODDS * row.effects.len() as f64;
-        let leader = rows.iter().map(|(_, row)| *row).max_by(|a, b| odds(a).total_cmp(&odds(b)))?;
-        let top = rows.iter().map(|(_, row)| row.evidence()).fold(f64::NEG_INFINITY, f64::max);
-        let by_rate = |features: &[f64]| by_kind(table, features);
-        let expected = (SOUND_MEAN_SQUARE * table.samples).max(1.0);
-        let scale = 1.0 + (leader.cost - expected).max(0.0) / FREEDOM;
-        let set = |&(k, row): &(usize, &EvidenceRow)| {
-            let lost = (top - row.evidence()).min(FARTHEST) / scale;
-            let features = by_rate(&[
-                lost,
-                lost.ln_1p(),
-                row.effects.len() as f64,
-                f64::from(u8::from(row.effects.is_empty())),
-                row.prior_per_parameter.min(20.0),
-                oddness(row),
-            ]);
-            (k, features)
-        };
-        let sets: Vec<(usize, Vec<f64>)> = rows.iter().map(set).collect();
-        let probabilities = softmax(sets.iter().map(|(_, features)| score(features, set_weights)).collect());
-        let scatter = (SCATTER.powi(2) + 2.0 / table.samples.max(1.0)).sqrt();
-        let deviations = |row: &EvidenceRow| (row.cost / expected).max(1e-3).ln() / scatter;
-        let is_nothing = |((_, row), _): &(&(usize, &EvidenceRow), &f64)| row.effects.is_empty();
-        let nothing: f64 = rows
-            .iter()
-            .zip(&probabilities)
-            .filter(is_nothing)
-            .map(|((_, row), probability)| probability * deviations(row).clamp(0.0, 20.0))
-            .sum();
-        let gained = (table.unknown.values().copied().fold(f64::NEG_INFINITY, f64::max) - top).max(-FARTHEST);
-        let unknown = by_rate(&[
-            1.0,
-            deviations(leader).asinh(),
-            nothing,
-            leader.prior_per_parameter.min(20.0),
-            oddness(leader),
-            leader.effects.len() as f64,
-            signed_log(gained / (leader.cost / expected).max(1.0)),
-        ]);
-        // What comes nearest to something unknown mostly acts at its stage.
-        let mut known: BTreeMap<&str, f64> = BTreeMap::new();
-        for ((_, row), probability) in rows.iter().zip(&probabilities) {
-            for spec in row.effects.iter().filter_map(|id| find(id)) {
-                *known.entry(spec.stage.id()).or_default() += probability / row.effects.len() as f64;
-            }
-        }
-        let all = known.values().sum::<f64>().max(f64::MIN_POSITIVE);
-        let worst = table.parts.iter().map(PartFit::excess).fold(1.0, f64::max);
-        let stage = |id: &String| {
-            let share = known.get(id.as_str()).map_or(0.0, |known| known / all);
-            let gained: f64 = table.parts.iter().map(|part| part.gained_at(id)).sum();
-            let mut features = [0.0; OF_STAGES.len()];
-            features[0] = (share + LEAST_SHARE).ln();
-            if let Some(place) = Stage::ALL.iter().position(|stage| stage.id() == id) {
-                features[1 + place] = signed_log(gained / worst);
-            }
-            (id.clone(), by_rate(&features))
-        };
-        let stages = table.unknown.keys().map(stage).collect();
-        Some(Self { unknown, stages, sets, of_sets: probabilities, scale })
-    }
-}
-
-/// What nats of evidence count for between two sets: in the logarithm of their odds, by the first two features of a set.
-#[derive(Clone, Copy, Debug)]
-pub struct CountedNats {
-    scale: f64,
-    scaled: f64,
-    logarithm: f64,
-}
-
-impl CountedNats {
-    /// Those of a unit's table by these weights.
-    #[must_use]
-    pub fn new(table: &EvidenceTable, weights: &Weights) -> Self {
-        let scale = Hypotheses::new(table, &[], &weights.sets).map_or(1.0, |all| all.scale);
-        let [first, second] = shares(table);
-        let count = Questions::of(table).sets.len();
-        let of = |feature: usize| -(first * weights.sets[feature] + second * weights.sets[feature + count]);
-        Self { scale, scaled: of(0), logarithm: of(1) }
-    }
-
-    /// Each nat as one.
-    pub const FULL: Self = Self { scale: 1.0, scaled: 1.0, logarithm: 0.0 };
-
-    /// By what nats are divided for what the best set leaves beyond a right model.
-    #[must_use]
-    pub fn scale(self) -> f64 {
-        self.scale
-    }
-
-    /// What so many nats count for: nothing at least, and no more than they are.
-    #[must_use]
-    pub fn of(self, nats: f64) -> f64 {
-        let scaled = nats.max(0.0) / self.scale;
-        (self.scaled * scaled + self.logarithm * scaled.ln_1p()).clamp(0.0, nats.max(0.0))
-    }
-}
-
-/// Logarithm of 1 and the size, with the sign.
-fn signed_log(value: f64) -> f64 {
-    value.abs().ln_1p().copysign(value)
-}
+/// Least χ², as a share of the independent samples: no fit is better than the rounding of its residuals.
+const LEAST_COST: f64 = 1e-6;
 
 /// Probabilities of the hypotheses of a table.
 #[derive(Clone, Debug, PartialEq)]
@@ -159,22 +38,27 @@ pub struct Posterior {
     pub unknown: Vec<(String, f64)>,
 }
 
+/// A fault set as the posterior sees it.
+struct Weighed {
+    /// Its row of the table.
+    row: usize,
+    /// Its probability if it is known that nothing else is at work.
+    share: f64,
+    /// Probability that something unknown is at work as well, or instead.
+    unexplained: f64,
+}
+
 impl Posterior {
-    /// By these weights; sets of struck effects are left out.
+    /// Of a table; sets of struck effects are left out.
     #[must_use]
-    pub fn new(table: &EvidenceTable, weights: &Weights, struck: &[&str]) -> Self {
-        let Some(all) = Hypotheses::new(table, struck, &weights.sets) else {
-            return Self { sets: Vec::new(), unknown: Vec::new() };
-        };
-        let unknown = if all.stages.is_empty() { 0.0 } else { logistic(score(&all.unknown, &weights.unknown)) };
-        let of_stages = softmax(all.stages.iter().map(|(_, of)| score(of, &weights.stages)).collect());
-        let rows = all.sets.iter().map(|(row, _)| *row);
-        let mut sets: Vec<(usize, f64)> = rows.zip(all.of_sets.iter().map(|share| (1.0 - unknown) * share)).collect();
+    pub fn new(table: &EvidenceTable, numbers: &Hyperparameters, struck: &[&str]) -> Self {
+        let all = weighed(table, numbers, struck);
+        let unknown: f64 = all.iter().map(|one| one.share * one.unexplained).sum();
+        let mut sets: Vec<(usize, f64)> =
+            all.iter().map(|one| (one.row, one.share * (1.0 - one.unexplained))).collect();
         sets.sort_by(|a, b| b.1.total_cmp(&a.1));
-        Self {
-            sets,
-            unknown: all.stages.into_iter().zip(of_stages).map(|((id, _), share)| (id, unknown * share)).collect(),
-        }
+        let stages = stages(table, numbers, &all);
+        Self { sets, unknown: stages.into_iter().map(|(stage, share)| (stage, share * unknown)).collect() }
     }
 
     /// Probability that an effect is present: the sum over the sets that hold it.
@@ -193,128 +77,141 @@ impl Posterior {
     /// Probability that there is nothing.
     #[must_use]
     pub fn nothing(&self, table: &EvidenceTable) -> f64 {
-        self.sets
-            .iter()
-            .filter(|(row, _)| table.rows[*row].effects.is_empty())
-            .map(|(_, probability)| probability)
-            .sum()
+        let is_empty = |row: usize| table.rows[row].effects.is_empty();
+        self.sets.iter().filter(|(row, _)| is_empty(*row)).map(|(_, probability)| probability).sum()
     }
 }
 
-/// Probability with these log odds.
-fn logistic(log_odds: f64) -> f64 {
-    1.0 / (1.0 + (-log_odds).exp())
+/// The fault sets of a table with their probabilities, without sets of struck effects.
+fn weighed(table: &EvidenceTable, numbers: &Hyperparameters, struck: &[&str]) -> Vec<Weighed> {
+    let allowed = |row: &&EvidenceRow| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
+    let rows: Vec<(usize, &EvidenceRow)> = table.rows.iter().enumerate().filter(|(_, row)| allowed(row)).collect();
+    let gap = |row: &EvidenceRow| Gap::new(table, row);
+    let scores: Vec<f64> = rows.iter().map(|(_, row)| score(table, numbers, row, gap(row))).collect();
+    let total = log_sum(scores.iter().copied());
+    let one = |(&(row, fitted), score): (&(usize, &EvidenceRow), &f64)| Weighed {
+        row,
+        share: (score - total).exp(),
+        unexplained: unexplained(table, numbers, fitted, gap(fitted)),
+    };
+    rows.iter().zip(&scores).map(one).filter(|one| one.share.is_finite()).collect()
+}
+
+/// What a set explains and leaves of the recordings, in χ².
+#[derive(Clone, Copy)]
+struct Gap {
+    /// What the sheet alone leaves and the set does not.
+    explained: f64,
+    /// What the set leaves.
+    left: f64,
+}
+
+impl Gap {
+    fn new(table: &EvidenceTable, row: &EvidenceRow) -> Self {
+        let empty = table.rows.iter().find(|row| row.effects.is_empty()).map_or(row.cost, |row| row.cost);
+        let left = row.cost.max(LEAST_COST * table.samples.max(1.0));
+        Self { explained: if empty.is_finite() { (empty - left).max(0.0) } else { 0.0 }, left }
+    }
+}
+
+/// Logarithm of the evidence of a fitted set and of the odds against its effects, the scale of the noise integrated out.
+fn score(table: &EvidenceTable, numbers: &Hyperparameters, row: &EvidenceRow, gap: Gap) -> f64 {
+    let further = row.effects.len().saturating_sub(1) as f64;
+    // With this much less explained, effects beyond the first would only mend the law of another.
+    let left = gap.left + numbers.further_share * further * gap.explained;
+    let draws = numbers.tempering * table.samples.max(1.0);
+    -0.5 * draws * left.ln() - numbers.rarity * row.effects.len() as f64 - left_out(table, row)
+}
+
+/// Nats that a set of a stage alone loses for what it misses on pieces left out of its fit, a draw each; 0 of whole chains.
+fn left_out(table: &EvidenceTable, row: &EvidenceRow) -> f64 {
+    let Some(stage) = &table.stage_alone else { return 0.0 };
+    let most = table.rows.iter().filter_map(|row| row.left_out_square).fold(LEAST_SQUARE, f64::max);
+    // What nobody tried on pieces left out has little evidence, and is taken for as bad as the worst that was.
+    0.5 * stage.pieces as f64 * row.left_out_square.unwrap_or(most).max(LEAST_SQUARE).ln()
+}
+
+/// Probability that something unknown is at work, or something else as well, where a set leaves so much.
+///
+/// What it leaves beyond noise is held against what equations and the laws of its effects get wrong, of the whole chain and of each part of it on its
+/// own, since the loop hides what a cut shows. A stage alone shows its equations as they are; whether something unknown
+/// acts there is left to what transducers account for.
+fn unexplained(table: &EvidenceTable, numbers: &Hyperparameters, row: &EvidenceRow, gap: Gap) -> f64 {
+    if table.stage_alone.is_some() {
+        return 0.0;
+    }
+    let samples = table.samples.max(1.0);
+    let empty: Vec<f64> = table.parts.iter().map(PartFit::excess).collect();
+    let parts: &[f64] = if row.effects.is_empty() { &empty } else { &row.parts };
+    let of_parts = parts.iter().zip(&empty).map(|(left, empty)| (left - 1.0, (empty - left).max(0.0)));
+    let whole = (gap.left / samples - SOUND_MEAN_SQUARE, gap.explained / samples);
+    let beyond = |(left, explained): (f64, f64)| left / (numbers.equation_error + numbers.law_error * explained);
+    let most = std::iter::once(whole).chain(of_parts).map(beyond).fold(0.0, f64::max);
+    if most <= 0.0 { 0.0 } else { 1.0 / (1.0 + most.powf(-1.0 / numbers.error_spread)) }
+}
+
+/// Where something unknown acts, if it does: by what discrepancy terms at each stage gain, and by where the known effects act that come nearest to it.
+fn stages(table: &EvidenceTable, numbers: &Hyperparameters, sets: &[Weighed]) -> Vec<(String, f64)> {
+    let mut near: BTreeMap<&str, f64> = BTreeMap::new();
+    for one in sets {
+        let effects = &table.rows[one.row].effects;
+        for spec in effects.iter().filter_map(|id| find(id)) {
+            *near.entry(spec.stage.id()).or_default() += one.share / effects.len() as f64;
+        }
+    }
+    let all = near.values().sum::<f64>().max(f64::MIN_POSITIVE);
+    let evenly = ANYWHERE / Stage::ALL.len() as f64;
+    let score = |stage: &str| {
+        let share = near.get(stage).map_or(0.0, |near| near / all);
+        // A part of the chain that is cut out keeps an effect where it is, and tells more than the whole.
+        let gained: f64 = table.parts.iter().map(|part| part.gained_at(stage) / part.excess().max(1.0)).sum();
+        (evenly + (1.0 - ANYWHERE) * share).ln() + numbers.tempering * gained
+    };
+    let scores: Vec<f64> = Stage::ALL.iter().map(|stage| score(stage.id())).collect();
+    let total = log_sum(scores.iter().copied());
+    Stage::ALL.iter().zip(scores).map(|(stage, score)| (stage.id().to_owned(), (score - total).exp())).collect()
+}
+
+/// Rows of the likeliest fault sets, whatever else is at work, likeliest first: those whose parts of the chain are worth a look.
+#[must_use]
+pub fn leaders(table: &EvidenceTable, numbers: &Hyperparameters) -> Vec<usize> {
+    let mut all = weighed(table, numbers, &[]);
+    all.retain(|one| one.share > LEAST_LEADER && !table.rows[one.row].effects.is_empty());
+    all.sort_by(|a, b| b.share.total_cmp(&a.share));
+    all.into_iter().take(LEADERS).map(|one| one.row).collect()
+}
+
+/// What nats of evidence count for between two sets near the best one: the slope of the score along χ², which the scale of the noise divides.
+#[derive(Clone, Copy, Debug)]
+pub struct CountedNats {
+    each: f64,
+}
+
+impl CountedNats {
+    /// Those of a unit's table.
+    #[must_use]
+    pub fn new(table: &EvidenceTable, numbers: &Hyperparameters) -> Self {
+        let samples = table.samples.max(1.0);
+        let best = table.rows.iter().map(|row| row.cost).fold(f64::INFINITY, f64::min);
+        let each = if best.is_finite() { numbers.tempering * samples / best.max(samples) } else { numbers.tempering };
+        Self { each: each.min(1.0) }
+    }
+
+    /// Each nat as one.
+    pub const FULL: Self = Self { each: 1.0 };
+
+    /// By what nats are divided.
+    #[must_use]
+    pub fn scale(self) -> f64 {
+        1.0 / self.each
+    }
+
+    /// What so many nats count for: nothing at least.
+    #[must_use]
+    pub fn of(self, nats: f64) -> f64 {
+        self.each * nats.max(0.0)
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::decision::weights::{CHAIN, STAGE_ALONE};
-    use crate::evidence::parts::Part;
-    use crate::hypotheses::table::StageEvidence;
-
-    fn row(effects: &[&str], evidence: f64, cost: f64) -> EvidenceRow {
-        EvidenceRow {
-            effects: effects.iter().map(|id| (*id).to_owned()).collect(),
-            refined: true,
-            cost,
-            grid: [[evidence; 3]; 4],
-            sizes: vec![1.1; effects.len()],
-            ..EvidenceRow::default()
-        }
-    }
-
-    /// Where every set leaves far more than a right model would and the best one hardly less than nothing does, it is not said that there is nothing.
-    #[test]
-    fn nothing_that_leaves_much_is_something_unknown() {
-        let of = |cost: f64| {
-            let rows = vec![row(&["feedback_lag"], -0.5 * cost + 20.0, cost - 45.0), row(&[], -0.5 * cost, cost)];
-            let unknown = [("spool".to_owned(), -0.5 * cost - 30.0)].into();
-            Posterior::new(
-                &EvidenceTable { samples: 1e3, rows, unknown, ..EvidenceTable::default() },
-                &CHAIN.shipped(),
-                &[],
-            )
-        };
-        assert!(of(4600.0).unknown() > 0.9, "{}", of(4600.0).unknown());
-        assert!(of(900.0).unknown() < 0.1, "{}", of(900.0).unknown());
-    }
-
-    /// With nothing learned the odds of two sets are those of Bayes' theorem.
-    #[test]
-    fn evidence_alone_gives_the_odds_of_bayes() {
-        let rows = vec![
-            row(&["backlash", "load"], 0.0, 600.0),
-            row(&["backlash"], -2.0, 604.0),
-            row(&["load"], -3.0, 606.0),
-            row(&[], -8.0, 616.0),
-        ];
-        let table = EvidenceTable { samples: 1e3, rows, ..EvidenceTable::default() };
-        let posterior = Posterior::new(&table, &CHAIN.bayes(), &[]);
-        let p = |row: usize| posterior.sets.iter().find(|(k, _)| *k == row).unwrap().1;
-        for (a, b, nats) in [(0, 1, 2.0 - 5.0), (1, 2, 1.0), (1, 3, 6.0 - 5.0)] {
-            assert!(((p(a) / p(b)).ln() - nats).abs() < 1e-9, "{a} {b}: {}", (p(a) / p(b)).ln());
-        }
-        let sum: f64 = posterior.sets.iter().map(|(_, p)| p).sum();
-        assert!((sum - 1.0).abs() < 1e-12 && (posterior.inclusion(&table, "load") - p(0) - p(2)).abs() < 1e-12);
-        assert_eq!(Posterior::new(&table, &CHAIN.bayes(), &["load"]).sets.len(), 2);
-    }
-
-    /// Where the best set leaves much, the errors of its equations are correlated: nats count for less, and the first for most.
-    #[test]
-    fn nats_count_for_less_where_much_is_left() {
-        let table = |cost: f64| EvidenceTable {
-            samples: 1e3,
-            rows: vec![row(&["load"], -0.5 * cost, cost)],
-            ..EvidenceTable::default()
-        };
-        let counted = |cost: f64, nats: f64| CountedNats::new(&table(cost), &CHAIN.shipped()).of(nats);
-        assert!(counted(920.0, 10.0) > counted(4000.0, 10.0) && counted(4000.0, 10.0) > 0.0);
-        assert!(counted(920.0, 20.0) < 2.0 * counted(920.0, 10.0) && counted(920.0, 20.0) > counted(920.0, 10.0));
-        assert!((CountedNats::new(&table(900.0), &CHAIN.bayes()).of(7.0) - 7.0).abs() < 1e-12);
-    }
-
-    /// What the best set leaves speaks for something unknown, and its stage is where discrepancy terms explain most of a part on its own.
-    #[test]
-    fn what_is_left_is_something_unknown() {
-        let of = |left: f64| {
-            let rows = vec![row(&["load"], -200.0 - left, 640.0 + 2.0 * left), row(&[], -800.0, 1840.0)];
-            let unknown: BTreeMap<String, f64> = [("spool".to_owned(), -500.0), ("esv".to_owned(), -490.0)].into();
-            let part = |part: Part, gained: f64| PartFit {
-                part,
-                cost: 920.0,
-                samples: 1e3,
-                evidence: -500.0,
-                unknown: [("spool".to_owned(), -500.0 + gained), ("esv".to_owned(), -501.0)].into(),
-            };
-            let parts = vec![part(Part::Controls, 400.0), part(Part::Servomotor, 0.0)];
-            Posterior::new(
-                &EvidenceTable { samples: 1e3, rows, unknown, parts, ..EvidenceTable::default() },
-                &CHAIN.bayes(),
-                &[],
-            )
-        };
-        let (right, wrong) = (of(0.0), of(400.0));
-        assert!(right.unknown() < 0.1 && wrong.unknown() > 0.9, "{} {}", right.unknown(), wrong.unknown());
-        let spool = wrong.unknown.iter().find(|(id, _)| id == "spool").unwrap().1;
-        assert!(spool > 0.9 * wrong.unknown(), "{spool} of {}", wrong.unknown());
-        let sum: f64 = wrong.sets.iter().map(|(_, p)| p).sum::<f64>() + wrong.unknown();
-        assert!((sum - 1.0).abs() < 1e-12);
-    }
-
-    /// Of a stage alone what fits better and predicts worse what was left out of the fit is not the likelier.
-    #[test]
-    fn pieces_left_out_count() {
-        let of = |square: f64| {
-            let left_out = |square, row| EvidenceRow { left_out_square: Some(square), ..row };
-            let rows = vec![left_out(square, row(&["load"], 0.0, 100.0)), left_out(1e-6, row(&[], -9.0, 100.0))];
-            let stage_alone = Some(StageEvidence { sheet: false, pieces: 6 });
-            let table = EvidenceTable { samples: 100.0, rows, stage_alone, ..EvidenceTable::default() };
-            let posterior = Posterior::new(&table, &STAGE_ALONE.bayes(), &[]);
-            let sum: f64 = posterior.sets.iter().map(|(_, p)| p).sum::<f64>() + posterior.unknown();
-            assert!((sum - 1.0).abs() < 1e-12);
-            posterior.nothing(&table) / posterior.inclusion(&table, "load")
-        };
-        assert!(of(1e-6) < 0.1 && of(2e-5) > 10.0 * of(1e-6), "{} {}", of(1e-6), of(2e-5));
-    }
-}
+mod tests;

@@ -16,8 +16,8 @@ use govtwin_model::recording::Process;
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
-/// Standard deviations ρ of a law's error at which evidence is tabulated, as shares of what the effect does.
-pub const LAW_ERRORS: [f64; 3] = [1e-3, 0.05, 0.15];
+/// A law's error that is none, as a share of what the effect does.
+pub const NO_LAW_ERROR: f64 = 1e-3;
 
 /// Speed of the servomotor at which a modulation by speed saturates, pu/s.
 const FAST_PU_S: f64 = 0.1;

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::estimation::fit::{Effort, Start, fit_all};
-use crate::evidence::law_error::LAW_ERRORS;
+use crate::evidence::law_error::NO_LAW_ERROR;
 use crate::evidence::{KAPPAS, Shared};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
@@ -106,6 +106,9 @@ impl Part {
     }
 }
 
+/// Work of refitting a part with the effects of a model.
+const ANEW: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
+
 /// Nats lost beyond which it does not matter how many.
 const MOST_LOST: f64 = 50.0;
 
@@ -157,11 +160,30 @@ pub fn parts(problem: &Problem, refitted: &FittedModel) -> Vec<PartFit> {
             part,
             cost: model.cost(),
             samples: problem.independent_samples(),
-            evidence: log_sum(KAPPAS.map(|kappa| normal.at(kappa, LAW_ERRORS[0]))) - (KAPPAS.len() as f64).ln(),
+            evidence: log_sum(KAPPAS.map(|kappa| normal.at(kappa, NO_LAW_ERROR))) - (KAPPAS.len() as f64).ln(),
             unknown: Stage::ALL.into_iter().map(of).filter(|(_, evidence)| evidence.is_finite()).collect(),
         })
     };
     Part::ALL.into_iter().filter_map(fit).collect()
+}
+
+/// What the parts leave that have the effects of a model, each refitted from where the model stands, over what a right model would, in the order of
+/// [`parts`]; the noise is laid out along the refitted sheet, as there.
+#[must_use]
+pub fn excesses_of(problem: &Problem, refitted: &FittedModel, model: &FittedModel) -> Vec<f64> {
+    let excess = |part: Part| {
+        let own: Vec<PreparedRecording> =
+            problem.recordings.iter().filter_map(|recording| part.of(recording)).collect();
+        if own.is_empty() {
+            return None;
+        }
+        let problem = problem.anew(own, &refitted.unit());
+        let [(base, coordinates, positions), _] = part.starts(model);
+        let start = Start { base: &base, coordinates: &coordinates, positions: &positions, effort: ANEW, known: None };
+        let fit = fit_all(&problem, &[start]).pop()?;
+        Some(fit.cost() / (SOUND_MEAN_SQUARE * problem.independent_samples()))
+    };
+    Part::ALL.into_iter().filter_map(excess).collect()
 }
 
 /// Weights of the quadratic through eleven samples, at the middle one (Savitzky & Golay 1964), over [`WEIGHT`].

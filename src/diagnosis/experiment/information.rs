@@ -141,7 +141,7 @@ fn divergence(gram: &DMatrix<f64>, from: &Side<'_>, to: &Side<'_>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::decision::weights::CHAIN;
+    use crate::decision::hyperparameters::Hyperparameters;
     use crate::hypotheses::table::{EvidenceRow, EvidenceTable};
 
     /// Two hypotheses of one number: means `apart`, standard deviations of what is not noise.
@@ -202,7 +202,7 @@ mod tests {
         // What the best set leaves beyond a right model makes nats count for less.
         let left = EvidenceRow { cost: 1e4, ..EvidenceRow::default() };
         let table = EvidenceTable { samples: 1e3, rows: vec![left], ..EvidenceTable::default() };
-        assert!(told(0.0, CountedNats::new(&table, &CHAIN.shipped())) < 0.5 * full(0.0));
+        assert!(told(0.0, CountedNats::new(&table, &Hyperparameters::shipped())) < 0.5 * full(0.0));
         let (gram, predicted) = of_two(3.0, [0.0; 2], 1.0);
         assert!(expected_drop(&gram, &predicted, CountedNats::FULL).most_bits.abs() < 1e-12, "nothing is open");
     }

@@ -6,7 +6,7 @@ use crate::decision::Decision;
 use crate::decision::posterior::Posterior;
 use crate::evidence::UNKNOWN_SIZES;
 use crate::hypotheses::Explored;
-use crate::hypotheses::explorer::KAPPA;
+use crate::hypotheses::explorer::{Hypothesis, KAPPA};
 use crate::hypotheses::table::EvidenceTable;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::twin_of;
@@ -53,7 +53,11 @@ pub fn survivors<'a>(
     let of_effects = forced(known, (1.0 - decision.unknown - decision.none).max(0.0));
     let of_nothing = forced(none, decision.none);
     let sets = posterior.sets.iter().filter_map(|&(row, probability)| {
-        let hypothesis = found.hypotheses.get(row)?;
+        // By its effects: what a verdict claims was fitted again since the table was made, and stands at another place.
+        let effects = &table.rows.get(row)?.effects;
+        let is_it =
+            |one: &&Hypothesis| one.effects.len() == effects.len() && effects.iter().all(|id| one.model.has(id));
+        let hypothesis = found.hypotheses.iter().find(is_it)?;
         let empty = hypothesis.effects.is_empty();
         let name = if empty { "none".to_owned() } else { hypothesis.model.ids().join("+") };
         Some((name, probability * if empty { of_nothing } else { of_effects }, Ok(&hypothesis.model)))

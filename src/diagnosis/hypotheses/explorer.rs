@@ -27,7 +27,7 @@ pub const KAPPA: f64 = 0.03;
 const LAW_ERROR: f64 = 0.05;
 
 /// Logarithm of the odds against each further effect that the exploration counts with; the posterior has learned odds of its own.
-pub(super) const RARITY: f64 = 5.0;
+pub(crate) const RARITY: f64 = 5.0;
 
 /// Fitted sets that are fitted on with care, each time.
 const REFINED: usize = 4;

@@ -5,15 +5,12 @@ use std::collections::BTreeMap;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
-use crate::evidence::KAPPAS;
-use crate::evidence::law_error::LAW_ERRORS;
-use crate::evidence::parts::{PartFit, parts};
+use crate::evidence::parts::{PartFit, excesses_of, parts};
 use crate::hypotheses::Explored;
 use crate::hypotheses::explorer::{Hypothesis, is_stage_alone};
-use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::Problem;
 use govtwin_model::effects::{EffectSpec, Stage};
-use govtwin_model::stored::{evidence, evidence_grid, unbounded};
+use govtwin_model::stored::{all_unbounded, unbounded};
 
 /// What the recordings say of one fault set.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -30,14 +27,14 @@ pub struct EvidenceRow {
     /// Prior χ² per parameter that the recordings determine.
     #[serde(rename = "strain")]
     pub prior_per_parameter: f64,
-    /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]) and of laws (`LAW_ERRORS`).
-    #[serde(deserialize_with = "evidence_grid")]
-    pub grid: [[f64; LAW_ERRORS.len()]; KAPPAS.len()],
-    /// Logarithm of the evidence without each recording.
-    #[serde(deserialize_with = "evidence")]
-    pub without_each: Vec<f64>,
+    /// The cost that all recordings but each have, with the free parameters following; none of an older program.
+    #[serde(default, deserialize_with = "all_unbounded")]
+    pub cost_without_each: Vec<f64>,
     /// Size of each effect, in typical ones.
     pub sizes: Vec<f64>,
+    /// What each part of the chain leaves on its own with these effects, over what a right model would; none where nobody looked.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<f64>,
     /// Of a stage alone: mean square of what it misses on pieces left out, geometric mean of the pieces, pu²; none where that was not asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out_square: Option<f64>,
@@ -57,8 +54,9 @@ pub struct StageEvidence {
 pub struct EvidenceTable {
     /// Independent samples, all signals together.
     pub samples: f64,
-    /// How slow the rates are: 0 at 100 Hz, 1 at 5 Hz, a mean over independent samples.
-    pub slow_share: f64,
+    /// The same of each recording; none of an older program.
+    #[serde(default)]
+    pub samples_of_each: Vec<f64>,
     /// Whether the sheet was made of the recordings themselves.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub assumed_sheet: bool,
@@ -76,36 +74,34 @@ pub struct EvidenceTable {
     pub stage_alone: Option<StageEvidence>,
 }
 
-impl EvidenceRow {
-    /// Logarithm of the evidence, whatever the size of the error of equations; of a set that was fitted quickly with the usual one, since what it
-    /// lacks of a fit would pass for such an error.
-    #[must_use]
-    pub fn evidence(&self) -> f64 {
-        let all = self.grid.iter().flatten();
-        if self.refined {
-            log_sum(all.copied()) - ((KAPPAS.len() * LAW_ERRORS.len()) as f64).ln()
-        } else {
-            self.grid[1][1]
-        }
-    }
-}
-
 impl EvidenceTable {
-    /// The same as one recording less would have it; errors of equations are then counted with their usual size.
+    /// The same as one recording less would have it.
     #[must_use]
     pub fn without(&self, recording: usize) -> Self {
         let mut table = self.clone();
-        let empty =
-            |table: &Self| table.rows.iter().find(|row| row.effects.is_empty()).map_or(0.0, EvidenceRow::evidence);
-        let before = empty(self);
+        table.samples -= self.samples_of_each.get(recording).copied().unwrap_or(0.0);
         for row in &mut table.rows {
-            if let Some(&evidence) = row.without_each.get(recording) {
-                row.grid = [[evidence; LAW_ERRORS.len()]; KAPPAS.len()];
+            if let Some(&cost) = row.cost_without_each.get(recording) {
+                row.cost = cost;
             }
         }
-        let moved = empty(&table) - before;
-        table.unknown.values_mut().for_each(|evidence| *evidence += moved);
+        // The parts of the chain are of all recordings.
+        table.parts.clear();
+        table.rows.iter_mut().for_each(|row| row.parts.clear());
         table
+    }
+
+    /// Looks at the parts of the chain with the effects of these rows.
+    pub fn look_at_parts(&mut self, problem: &Problem, explored: &Explored, rows: &[usize]) {
+        if self.parts.is_empty() {
+            return;
+        }
+        for &row in rows {
+            let ids: Vec<&str> = self.rows[row].effects.iter().map(String::as_str).collect();
+            if let Some(model) = explored.with(&ids) {
+                self.rows[row].parts = excesses_of(problem, explored.refitted(), model);
+            }
+        }
     }
 
     /// The table of what was explored.
@@ -113,10 +109,6 @@ impl EvidenceTable {
     pub fn new(problem: &Problem, explored: &Explored, catalogue: &[&'static EffectSpec]) -> Self {
         // Of a stage alone the discrepancy terms know too much; nothing unknown is weighed there.
         let alone = is_stage_alone(problem);
-        let grid = |hypothesis: &Hypothesis| {
-            let exact = || [[hypothesis.normal.at(KAPPAS[0], LAW_ERRORS[0]); LAW_ERRORS.len()]; KAPPAS.len()];
-            if alone { exact() } else { hypothesis.normal.grid() }
-        };
         let row = |hypothesis: &Hypothesis| {
             let model = &hypothesis.model;
             let first =
@@ -132,9 +124,9 @@ impl EvidenceTable {
                 cost: model.fit.cost(),
                 prior: model.fit.prior,
                 prior_per_parameter: model.prior_per_parameter(),
-                grid: grid(hypothesis),
-                without_each: hypothesis.normal.without_each(),
+                cost_without_each: hypothesis.normal.cost_without_each(),
                 sizes: sizes.collect(),
+                parts: Vec::new(),
                 left_out_square: None,
             }
         };
@@ -144,15 +136,10 @@ impl EvidenceTable {
             Stage::ALL.into_iter().filter_map(of).filter(|(_, evidence)| evidence.is_finite()).collect()
         };
         let samples = problem.independent_samples();
-        let slow: f64 = (0..problem.recordings.len())
-            .map(|recording| (recording, slowness(problem.recordings[recording].period_s)))
-            .filter(|(_, slowness)| *slowness > 0.0)
-            .map(|(recording, slowness)| slowness * problem.only(recording).independent_samples())
-            .sum();
         let pilot = govtwin_model::signal::Signal::PilotValvePosition;
         Self {
             samples,
-            slow_share: slow / samples.max(1e-9),
+            samples_of_each: (0..problem.recordings.len()).map(|one| problem.only(one).independent_samples()).collect(),
             assumed_sheet: false,
             pilot: problem.recordings.iter().any(|recording| recording.has[pilot as usize]),
             rows: explored.hypotheses.par_iter().map(row).collect(),
@@ -163,38 +150,16 @@ impl EvidenceTable {
     }
 }
 
-/// Periods at which the weights of fast and of slow rates were learned, s.
-const LEARNED_AT_S: [f64; 2] = [0.01, 0.2];
-
-/// How slow a rate is: 0 and 1 at the rates at which weights were learned, in between by the logarithm of the period.
-fn slowness(period_s: f64) -> f64 {
-    let [fast_s, slow_s] = LEARNED_AT_S;
-    ((period_s / fast_s).ln() / (slow_s / fast_s).ln()).clamp(0.0, 1.0)
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{EvidenceRow, slowness};
-    use crate::evidence::KAPPAS;
-    use crate::evidence::law_error::LAW_ERRORS;
+    use super::EvidenceRow;
 
     /// JSON has no infinity.
     #[test]
     fn a_set_that_could_not_be_simulated_is_read_back() {
-        let row = EvidenceRow {
-            cost: f64::INFINITY,
-            grid: [[f64::NEG_INFINITY; LAW_ERRORS.len()]; KAPPAS.len()],
-            without_each: vec![f64::NEG_INFINITY, -3.0],
-            ..EvidenceRow::default()
-        };
+        let row =
+            EvidenceRow { cost: f64::INFINITY, cost_without_each: vec![f64::INFINITY, 3.0], ..EvidenceRow::default() };
         let text = serde_json::to_string(&row).unwrap();
         assert_eq!(serde_json::from_str::<EvidenceRow>(&text).unwrap(), row, "{text}");
-    }
-
-    #[test]
-    fn a_rate_in_between_is_in_between() {
-        let at = [0.001, 0.01, 0.02, 0.05, 0.1, 0.2, 1.0].map(slowness);
-        assert_eq!([at[0], at[1], at[5], at[6]], [0.0, 0.0, 1.0, 1.0]);
-        assert!((at[2] - 0.231).abs() < 1e-3 && (at[3] - 0.537).abs() < 1e-3 && (at[4] - 0.769).abs() < 1e-3, "{at:?}");
     }
 }

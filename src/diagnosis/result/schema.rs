@@ -9,7 +9,8 @@ use crate::hypotheses::table::EvidenceTable;
 use crate::model::consistency::Consistency;
 use crate::result::{
     Blame, Breakdown, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted, Interval,
-    JudgedBy, Ranked, SheetLimits, SignalGap, StageFigure, StageOnly, StageTest, Trace, Transfer, Tried, Verdict,
+    JudgedBy, Ranked, Remainder, SheetLimits, SignalGap, StageFigure, StageOnly, StageTest, Trace, Transfer, Tried,
+    Verdict,
 };
 use govtwin_model::effects::Stage;
 use govtwin_model::parameters::{ChannelReadings, Parameters, Sensors, Unit};
@@ -43,6 +44,9 @@ pub struct DiagnosisReport {
     /// The gap and what closes it.
     #[serde(default)]
     pub gap: ReportedGap,
+    /// What the blamed effects leave, or, where none is blamed, the likeliest ones; null where there is no gap.
+    #[serde(default)]
+    pub remainder: Option<Remainder>,
     /// Figures of a stage that was judged alone.
     #[serde(default)]
     pub fitted_stage: Option<Vec<StageFigure>>,
@@ -241,6 +245,7 @@ impl DiagnosisReport {
             effects: Vec::new(),
             ranking: Vec::new(),
             gap: ReportedGap::default(),
+            remainder: None,
             fitted_stage: None,
             experiments: Vec::new(),
             sheet_limits: None,
@@ -267,6 +272,7 @@ impl DiagnosisReport {
             effects: blamed,
             ranking,
             gap: ReportedGap { signals: gap, explained_fraction },
+            remainder: diagnosis.remainder.clone(),
             fitted_stage: part.as_ref().map(|part| part.figures.clone()),
             experiments,
             sheet_limits: diagnosis.sheet_limits.clone(),
@@ -348,6 +354,7 @@ impl From<DiagnosisReport> for Diagnosis {
             ranking: report.ranking,
             gap: gap.signals,
             explained_fraction: gap.explained_fraction,
+            remainder: report.remainder,
             explained_fraction_widened_by: evidence.explained_fraction_widened_by.unwrap_or(f64::NAN),
             experiments: report.experiments,
             entropy_bits: evidence.entropy_bits,

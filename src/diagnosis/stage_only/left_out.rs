@@ -2,8 +2,8 @@
 
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::decision::features::ODDS;
 use crate::hypotheses::Explored;
+use crate::hypotheses::explorer::RARITY;
 use crate::hypotheses::table::{EvidenceTable, StageEvidence};
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
@@ -21,7 +21,7 @@ pub(crate) fn add(table: &mut EvidenceTable, problem: &Problem, found: &Explored
         return;
     }
     let mut order: Vec<usize> = (0..table.rows.len()).collect();
-    let odds = |row: usize| table.rows[row].evidence() - ODDS * table.rows[row].effects.len() as f64;
+    let odds = |row: usize| -0.5 * table.rows[row].cost - RARITY * table.rows[row].effects.len() as f64;
     order.sort_by(|&a, &b| odds(b).total_cmp(&odds(a)));
     let tried = |(place, row): &(usize, usize)| *place < TRIED || table.rows[*row].effects.is_empty();
     let rows: Vec<usize> = order.into_iter().enumerate().filter(tried).map(|(_, row)| row).collect();

@@ -5,7 +5,7 @@ use crate::diagnosis::{claims, next_test, traces};
 use govtwin_diagnosis::result::{Diagnosis, Fitted, JudgedBy, Verdict};
 use govtwin_diagnosis::words::{
     besides, capital, cause, errors, explained, id_words, in_words, key_words, listed, of_several, over_noise, percent,
-    probability, stage_title, symptom, values,
+    probability, remains, stage_title, symptom, values,
 };
 use govtwin_model::effects::Stage;
 use govtwin_model::number::{fixed, quantity};
@@ -254,11 +254,9 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     }
     let mut first = format!("{}.", parts.join("; "));
     let claimed = claimed.filter(|_| !diagnosis.ranking.is_empty());
-    let rate = claimed.and_then(|claimed| match diagnosis.part {
-        None if diagnosis.judged_by == JudgedBy::AssumedSheet => claims::by_assumed_sheet(claimed),
-        None => claims::like(claimed),
-        Some(_) => claims::on_stages(claimed),
-    });
+    // Only whole chains with a data sheet were counted.
+    let counted = diagnosis.part.is_none() && diagnosis.judged_by == JudgedBy::DataSheet;
+    let rate = claimed.filter(|_| counted).and_then(claims::like);
     // In one paragraph, so that a phone shows both.
     if let Some(rate) = rate {
         first += &format!(" {rate}");
@@ -282,8 +280,10 @@ fn reach(diagnosis: &Diagnosis) -> Vec<String> {
         all.push(explained(diagnosis.explained_fraction, subject));
     }
     if diagnosis.verdict == Verdict::Unknown {
+        all.extend(explained_by_nearest(diagnosis));
         all.extend(discrepancy(diagnosis));
     }
+    all.extend(remains(diagnosis));
     // Of a sound unit the first sentence says it where it is much.
     if diagnosis.verdict != Verdict::NoGap || !leaves_much(diagnosis) {
         all.push(over_noise(diagnosis));
@@ -299,6 +299,16 @@ fn reach(diagnosis: &Diagnosis) -> Vec<String> {
         ));
     }
     all
+}
+
+/// How much the causes that come nearest explain, where nothing has a name.
+fn explained_by_nearest(diagnosis: &Diagnosis) -> Option<String> {
+    let nearest = diagnosis.remainder.as_ref().filter(|one| !one.beside.is_empty() && one.explained.is_bounded())?;
+    let names: Vec<String> = nearest.beside.iter().map(|id| id_words(id)).collect();
+    Some(explained(
+        nearest.explained,
+        [listed(&names, "and").as_str(), if names.len() > 1 { "explain" } else { "explains" }],
+    ))
 }
 
 /// What a discrepancy term at the stage would explain, if it is worth a word.

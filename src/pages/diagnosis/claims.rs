@@ -1,24 +1,14 @@
 //! How often claims of a probability were right.
 
-use govtwin_diagnosis::decision::weights::{ASSUMED_SHEET, CHAIN, STAGE_ALONE};
+use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::words::percent;
 
 /// Claims of a probability are compared with what came true only where so many were counted.
 const LEAST_CLAIMS: u64 = 5;
 
-/// How often claims of such a probability on whole chains were right, in a sentence.
+/// How often claims of such a probability on whole chains with a data sheet were right, in a sentence.
 pub fn like(claimed: f64) -> Option<String> {
-    hit_rate(&CHAIN.shipped().provenance, "units", claimed)
-}
-
-/// The same where the sheet was made of the recordings.
-pub fn by_assumed_sheet(claimed: f64) -> Option<String> {
-    hit_rate(&ASSUMED_SHEET.shipped().provenance, "units without a data sheet", claimed)
-}
-
-/// The same of servomotor stages alone.
-pub fn on_stages(claimed: f64) -> Option<String> {
-    hit_rate(&STAGE_ALONE.shipped().provenance, "servomotor stages", claimed)
+    hit_rate(&Hyperparameters::shipped().provenance, "units", claimed)
 }
 
 /// How often claims like this one were right on units whose faults are known; by their probability where that was counted, else over all.

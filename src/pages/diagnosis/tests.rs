@@ -6,7 +6,7 @@ use govtwin_diagnosis::hypotheses::table::EvidenceTable;
 use govtwin_diagnosis::model::discrepancy::Curve;
 use govtwin_diagnosis::result::{
     Blame, Breakdown, BreakdownPart, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted,
-    Interval, JudgedBy, Ranked, SignalGap, StageTest, Trace, Tried, Verdict,
+    Interval, JudgedBy, LargestError, Ranked, Remainder, SignalGap, StageTest, Trace, Tried, Verdict,
 };
 use govtwin_model::effects::Stage;
 use govtwin_model::parameters::Unit;
@@ -75,6 +75,21 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         }],
         explained_fraction,
         explained_fraction_widened_by: 1.0,
+        remainder: matches!(verdict, Verdict::Named | Verdict::Class | Verdict::Unknown).then(|| Remainder {
+            beside: vec!["backlash".into()],
+            explained: explained_fraction,
+            share: 0.12,
+            chi_square: 2.5,
+            stage: Some(Stage::Supply),
+            largest: Some(LargestError {
+                recording: "one".into(),
+                signal: Signal::ServomotorPosition,
+                from_s: 7.5,
+                to_s: 9.5,
+                rms: 2.0e-3,
+                share: 0.4,
+            }),
+        }),
         experiments: vec![Experiment {
             separates: vec!["backlash".into(), "load".into()],
             test: "a full stroke".into(),
@@ -316,4 +331,18 @@ fn a_named_effect_that_leaves_something_unknown_says_so() {
         assert_eq!(summary(&diagnosis, usize::MAX).contains(words), said);
         assert_eq!(html_of(&diagnosis, &Provenance::default()).contains(words), said);
     }
+}
+
+/// What the causes leave stands beside what they explain, on the page and in the terminal, also where nothing has a name.
+#[test]
+fn what_remains_is_said_with_its_place() {
+    for (verdict, blamed) in [(Verdict::Named, &["backlash"][..]), (Verdict::Unknown, &[])] {
+        let diagnosis = made_up(verdict, blamed);
+        for text in [html_of(&diagnosis, &synthetic()), summary(&diagnosis, usize::MAX)] {
+            for said in ["12 %", "7.5 to 9.5 s", "oil supply"] {
+                assert!(text.contains(said), "{verdict:?}: {said}");
+            }
+        }
+    }
+    assert!(!summary(&made_up(Verdict::NoGap, &[]), usize::MAX).contains("9.5 s"));
 }

@@ -116,8 +116,14 @@ fn rows_to_keep(trace: &Trace) -> Vec<usize> {
     rows.into_iter().collect()
 }
 
-/// The picture of one recording, of a stretch of it where `window_s` is given; `sheet` is what its sheet is called.
-pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool, sheet: &'static str) -> Picture {
+/// The picture of one recording, of a stretch of it where `window_s` is given; `sheet` is what its sheet is called, `improved` what the twin with
+/// effects is called, where there is one.
+pub fn picture(
+    trace: &Trace,
+    window_s: Option<[f64; 2]>,
+    improved: Option<&'static str>,
+    sheet: &'static str,
+) -> Picture {
     let mut panels = Vec::new();
     for (signal, [measured, delivered, refitted, with_effects]) in &trace.signals {
         if !Signal::POSITIONS.contains(signal) {
@@ -138,9 +144,9 @@ pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool, sheet
             .level(Ink::Band, "", 0.0)
             .mark(thin_line(Ink::Command, sheet, off(delivered)))
             .mark(thin_line(Ink::Difference, "recalibrated", off(refitted)).dashed(1));
-        if explained {
-            above = above.line(Ink::Simulated, "with faults", curve(with_effects));
-            below = below.mark(thin_line(Ink::Simulated, "with faults", off(with_effects)));
+        if let Some(improved) = improved {
+            above = above.line(Ink::Simulated, improved, curve(with_effects));
+            below = below.mark(thin_line(Ink::Simulated, improved, off(with_effects)));
         }
         panels.extend([above.x_name("time, s"), below.x_name("time, s")]);
     }

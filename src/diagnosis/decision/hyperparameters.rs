@@ -1,0 +1,106 @@
+//! The numbers of the posterior: all that is learned, in one place.
+//!
+//! They say how far equations and noise may be trusted, on any plant, and nothing of what a unit usually has. `govtwin calibrate` learns them by log
+//! score on judged units whose faults are known.
+
+use serde::{Deserialize, Serialize};
+
+use crate::result::JudgedBy;
+
+/// Most of what a set explains that a further effect may have to gain.
+const MOST_FURTHER_SHARE: f64 = 0.3;
+
+/// The numbers, each with what it means.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hyperparameters {
+    /// Share of the independent samples that counts where residuals hold errors of equations, which are alike for long.
+    pub tempering: f64,
+    /// Logarithm of the odds against each further effect beforehand.
+    pub rarity: f64,
+    /// Share of what a set explains that each further effect beyond the first must gain: less than that only mends the law of another one.
+    pub further_share: f64,
+    /// Error of all equations together: what they leave in squares of the noise, half of the time.
+    pub equation_error: f64,
+    /// Error of the laws of effects: what they leave as a share of what the effects explain, half of the time.
+    pub law_error: f64,
+    /// Spread of both between plants: the scale of a logistic distribution of their logarithm.
+    pub error_spread: f64,
+    /// Relative error of the size of an effect that comes of its law: one standard deviation.
+    pub size_spread: f64,
+    /// Factor on the half-widths of the interval of the explained fraction, which equations in error widen.
+    pub explained_fraction_widening: f64,
+    /// The same where the sheet was made of the recordings.
+    pub explained_fraction_widening_assumed_sheet: f64,
+    /// Where they were learned: folders, number of units, program version, scores.
+    #[serde(default)]
+    pub provenance: serde_json::Value,
+}
+
+impl Hyperparameters {
+    /// How many are learned by log score; the rest by counting.
+    pub const LEARNED: usize = 6;
+
+    /// Those that come with the program.
+    #[must_use]
+    pub fn shipped() -> Self {
+        serde_json::from_str(include_str!("../../../params/posterior.json")).unwrap_or_else(|_| Self::usual())
+    }
+
+    /// Nothing learned: round numbers of the right size.
+    #[must_use]
+    pub fn usual() -> Self {
+        Self {
+            tempering: 0.3,
+            rarity: 5.0,
+            further_share: 0.02,
+            equation_error: 1.5,
+            law_error: 0.7,
+            error_spread: 0.4,
+            size_spread: 0.1,
+            explained_fraction_widening: 1.0,
+            explained_fraction_widening_assumed_sheet: 1.0,
+            provenance: serde_json::Value::Null,
+        }
+    }
+
+    /// The learned ones moved by so much along their logarithms, within what they may be.
+    #[must_use]
+    pub fn moved(&self, by: &[f64; Self::LEARNED]) -> Self {
+        let [tempering, rarity, further_share, equation_error, law_error, error_spread] = by.map(f64::exp);
+        Self {
+            tempering: (self.tempering * tempering).min(1.0),
+            rarity: self.rarity * rarity,
+            further_share: (self.further_share * further_share).min(MOST_FURTHER_SHARE),
+            equation_error: self.equation_error * equation_error,
+            law_error: self.law_error * law_error,
+            error_spread: self.error_spread * error_spread,
+            ..self.clone()
+        }
+    }
+
+    /// All of them by name.
+    #[must_use]
+    pub fn named(&self) -> [(&'static str, f64); 9] {
+        [
+            ("share of the independent samples that counts", self.tempering),
+            ("logarithm of the odds against each effect", self.rarity),
+            ("share of what is explained that each further effect must gain", self.further_share),
+            ("what equations leave, in squares of the noise", self.equation_error),
+            ("what laws of effects leave, as a share of what they explain", self.law_error),
+            ("spread of both between plants", self.error_spread),
+            ("relative error of sizes", self.size_spread),
+            ("widening of the interval of the explained fraction", self.explained_fraction_widening),
+            ("the same without a data sheet", self.explained_fraction_widening_assumed_sheet),
+        ]
+    }
+
+    /// Factor on the half-widths of the interval of the explained fraction of a unit that was judged by this.
+    #[must_use]
+    pub fn widening(&self, judged_by: JudgedBy) -> f64 {
+        match judged_by {
+            JudgedBy::AssumedSheet => self.explained_fraction_widening_assumed_sheet,
+            _ => self.explained_fraction_widening,
+        }
+    }
+}
