@@ -41,7 +41,7 @@
 //! state between calls: the same arguments give the same result to the last bit, whatever the number of threads.
 //!
 //! # What is stable
-//! What stands on this page is the library: it changes only with a version that says so. The modules below it are public because the program
+//! The items on this page are the library: they change only with a version whose number shows it. The modules below it are public because the program
 //! `govtwin`, which is a crate of its own, is made of them; they are hidden from this page and may change with any version. So may fields
 //! and variants that this page does not show: enums and results are `#[non_exhaustive]`.
 //!
@@ -82,7 +82,7 @@ pub use govtwin_model::params::{
 /// ```
 /// use govtwin::{Process, ReadOptions, read_bag};
 ///
-/// // As all that is shipped below `bags/`, this was made by a simulator: `bags/ORIGIN.txt` says which.
+/// // As all that is shipped below `bags/`, this was made by a simulator: `bags/ORIGIN.txt` names it.
 /// let loaded = read_bag("bags/reference/shutdown_01.mcap".as_ref(), &ReadOptions::default())?;
 /// assert_eq!(loaded.recording.process, Process::Shutdown);
 /// assert!(loaded.health.is_clean());

@@ -90,7 +90,7 @@ pub(super) fn align(
 /// An absent input's one sample lies before all time and makes no row.
 const BEFORE_ALL_TIME_NS: i64 = i64::MIN;
 
-/// The stream that stands in for an absent input.
+/// The stream that replaces an absent input.
 pub(super) fn constant<V>(value: V) -> Vec<Sample<V>> {
     vec![Sample { stamp_ns: BEFORE_ALL_TIME_NS, log_time_ns: BEFORE_ALL_TIME_NS, value }]
 }

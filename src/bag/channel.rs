@@ -3,7 +3,7 @@
 use super::distribution::Distribution;
 use govtwin_model::units::seconds_from_nanos;
 
-/// Samples over which alternation is told: as many differences lie within one that chance does not order them.
+/// Samples over which alternation is detected: so many differences are not in such an order by chance.
 const WINDOW: u64 = 16;
 
 /// Numbers are sorted by size in these steps, in the channel's unit: finer than any transducer.

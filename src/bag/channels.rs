@@ -13,7 +13,7 @@ pub(super) struct Channels {
     topics: BTreeMap<u16, Arc<TopicInfo>>,
 }
 
-/// A schema; the text stands in memory once, however many channels have it.
+/// A schema; the text is in memory once, however many channels have it.
 #[derive(Clone, Debug, Default)]
 struct Schema {
     name: String,
@@ -33,7 +33,7 @@ impl Channels {
         self.topics.iter().map(|(id, topic)| (*id, topic))
     }
 
-    /// Puts in what topics do not say of themselves: qualities of service and type hash by name.
+    /// Adds what topics do not state themselves: qualities of service and type hash by name.
     pub(super) fn complete(&mut self, known: &BTreeMap<String, (String, String)>) {
         for topic in self.topics.values_mut() {
             complete(topic, known);
@@ -85,7 +85,7 @@ impl Channels {
     }
 }
 
-/// Puts in what a topic does not say of itself.
+/// Adds what a topic does not state itself.
 pub(super) fn complete(topic: &mut Arc<TopicInfo>, known: &BTreeMap<String, (String, String)>) {
     let Some((profiles, type_hash)) = known.get(&topic.name) else { return };
     let (no_profiles, no_hash) = (topic.offered_qos_profiles.is_empty(), topic.type_hash.is_empty());

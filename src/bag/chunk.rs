@@ -152,7 +152,7 @@ fn split(bytes: &[u8]) -> Option<(u8, &[u8], &[u8])> {
 ///
 /// `stated_len` is the length that the record's head gives; a shorter `body` is a chunk cut off at
 /// the end of the file. Of such a chunk every record that is whole is kept, and its CRC cannot be
-/// checked. A whole chunk with a wrong CRC yields nothing, for nobody can say which record is wrong. No more than
+/// checked. A whole chunk with a wrong CRC yields nothing, because the wrong record cannot be identified. No more than
 /// `most_bytes` are unpacked.
 pub(super) fn read(body: &[u8], stated_len: u64, most_bytes: u64, records: &mut Records) -> Result<(), String> {
     records.bytes.clear();

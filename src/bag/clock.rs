@@ -6,7 +6,7 @@ use govtwin_model::units::seconds_from_nanos;
 /// Blocks into which a recording is divided; the least delay of a block is that of a message which nothing held up.
 const BLOCKS: usize = 64;
 
-/// Fewer blocks than this tell no slope.
+/// Fewer blocks than this determine no slope.
 const FEWEST_BLOCKS: usize = 8;
 
 /// The least delay among messages that follow each other.

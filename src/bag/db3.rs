@@ -15,7 +15,7 @@ use super::{BagError, Damage, FileHealth};
 /// Rows that are loaded at once when messages are merged by time.
 const ROWS_TOGETHER: u64 = 4096;
 
-/// Reads a whole file, hands on its messages in the order of their rows, and says how the file is.
+/// Reads a whole file, hands on its messages in the order of their rows, and returns the state of the file.
 ///
 /// # Errors
 /// Where the file cannot be opened or has other tables than a bag. Damage among the messages is no error.

@@ -16,7 +16,7 @@ pub(super) struct Distribution {
     buckets: Vec<KeyBucket>,
     /// Not in a bucket yet.
     waiting: Vec<i64>,
-    /// Bits that a bucket keeps; `None` where each value stands for itself.
+    /// Bits that a bucket keeps; `None` where each value has a bucket.
     bits: Option<u32>,
 }
 

@@ -32,7 +32,7 @@ impl Edges {
     }
 }
 
-/// What is to be said of the edges of the inputs; `healths` in the order of [`Stream::ALL`].
+/// The findings on the edges of the inputs; `healths` in the order of [`Stream::ALL`].
 pub(super) fn warnings(edges: Edges, healths: &[StreamHealth]) -> Vec<Warning> {
     let heard = || healths.iter().filter(|health| health.kept > 0);
     let first_ns = heard().map(|health| health.pace.first_ns).min().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! What can be wrong with a bag: each error says the path, what was expected, what was found, and the way out.
+//! What can be wrong with a bag: each error has the path, what was expected, what was found, and a suggested fix.
 
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,7 @@ pub enum BagError {
         path: PathBuf,
         /// What a bag would have here.
         expected: &'static str,
-        /// What stands here.
+        /// What was found.
         found: String,
     },
     /// Messages compressed one by one by a plugin of rosbag2 that is not zstd.
@@ -156,7 +156,7 @@ pub enum BagError {
     Unfinished {
         /// The folder that the bag would become.
         path: PathBuf,
-        /// Where it stands.
+        /// Where it is.
         kept: PathBuf,
     },
     /// Somebody else is writing the output.
@@ -174,7 +174,7 @@ pub enum BagError {
     PlaceTaken {
         /// The folder that the bag should have become.
         path: PathBuf,
-        /// Where it stands, whole.
+        /// Where it is, whole.
         kept: PathBuf,
     },
     /// The MCAP library refused.

@@ -22,7 +22,7 @@ pub(super) const MEASURED: [Behaviour; 4] = [
     Behaviour { worth: f64::INFINITY, fastest_per_s: f64::INFINITY },
 ];
 
-/// Names of frames that are told from each other.
+/// The most frame names that are distinguished.
 const MOST_FRAMES: usize = 4;
 
 /// What one stream shows.
@@ -78,7 +78,7 @@ impl StreamEvidence {
                 self.frames.push(frame_id.to_owned());
             }
         }
-        // 0 throughout says that nobody counts.
+        // 0 throughout means that the sender does not count.
         if let Some(last) = self.sequence.filter(|last| *last > 0 || message.sequence > 0) {
             match message.sequence.checked_sub(last) {
                 Some(step) if step > 0 => self.lost += u64::from(step - 1),

@@ -151,7 +151,7 @@ impl FieldReader {
         self.types.iter().find(|definition| definition.type_name == base)
     }
 
-    /// The time of a message by its own header, ns; none where it has none, or says 0.
+    /// The time of a message by its own header, ns; none if it has none, or 0.
     #[must_use]
     pub fn stamp_ns(&self, data: &[u8]) -> Option<i64> {
         if !self.stamped {

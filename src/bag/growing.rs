@@ -1,7 +1,7 @@
 //! A bag that grows: each look reads what came since the last one, and hands on the rows that are complete by it.
 //!
 //! The rows are those of [`read()`](super::read()), to the last bit, however often it was looked, but that below a grid no sample plays a part in
-//! a row that is older by more than a minute: a stream that is silent for so long holds its value, and nobody waits for it any longer. What
+//! a row that is older by more than a minute: a stream that is silent for so long holds its value, and is not waited for any longer. What
 //! needs all samples at once (a clock that jumps, stamps of 0), another storage than MCAP, and compressed files are left to
 //! [`read()`](super::read()).
 
@@ -21,7 +21,7 @@ use super::{BagError, ReadOptions, Stream, unpack};
 use govtwin_model::frame::Frame;
 use govtwin_model::units::NANOS_PER_SECOND;
 
-/// A stream that was not heard for so long since the first message is taken for absent.
+/// A stream without a message for so long since the first one counts as absent.
 const SILENT_NS: i64 = 30 * NANOS_PER_SECOND;
 
 /// Bytes before the place where a file was left, by which it is known again.
@@ -73,7 +73,7 @@ impl Growing {
         self.rows.measured
     }
 
-    /// What the bag has said of itself so far, under a key; the first of its files that says anything counts.
+    /// What the bag states so far under a key of its metadata; the first of its files that has the key counts.
     #[must_use]
     pub fn about(&self, key: &str) -> Option<&str> {
         self.files.iter().find_map(|known| known.file.about(key))
@@ -85,7 +85,7 @@ impl Growing {
         !self.files.is_empty() && source::open(path).is_ok_and(|source| self.goes_on(&source).is_ok_and(|same| same))
     }
 
-    /// Reads on. Where the bag is another than before, has lost bytes, or was read to its end already, it is read anew, and `rows` is told so.
+    /// Reads on. Where the bag is another than before, has lost bytes, or was read to its end already, it is read anew, and `rows` is notified.
     ///
     /// # Errors
     /// Where there is no bag, or the operating system refuses.
@@ -110,7 +110,7 @@ impl Growing {
             if silent.is_empty() {
                 break;
             }
-            // Who says nothing holds up all rows. Once: the next time these are known.
+            // A silent stream delays all rows. Once: the next time these are known.
             self.begin(silent, rows);
         }
         self.ended = ended;

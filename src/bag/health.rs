@@ -30,13 +30,13 @@ impl Health {
         self.warnings.is_empty()
     }
 
-    /// What the bag says of itself under a key; the first of its files that says anything counts.
+    /// What the bag states under a key of its metadata; the first of its files that has the key counts.
     #[must_use]
     pub fn about(&self, key: &str) -> Option<&str> {
         self.files.iter().find_map(|file| file.about.get(key)).map(String::as_str)
     }
 
-    /// The bag says that its data was simulated and not measured.
+    /// The bag states that its data was simulated and not measured.
     #[must_use]
     pub fn is_synthetic(&self) -> bool {
         self.about(SYNTHETIC) == Some("true")
@@ -135,9 +135,9 @@ pub struct StreamHealth {
     pub conflicts: u64,
     /// Messages dropped because their bytes do not decode.
     pub undecodable: u64,
-    /// Samples dropped because their stamp is no time, or stands alone far from its neighbours.
+    /// Samples dropped because their stamp is no time, or is far from its neighbours' stamps.
     pub bad_stamps: u64,
-    /// Samples with a stamp of 0, for which the time of recording stands in.
+    /// Samples with a stamp of 0, which get the time of recording.
     pub unstamped: u64,
     /// Values dropped because they are not finite or physically impossible.
     pub bad_values: u64,
@@ -167,7 +167,7 @@ pub enum Warning {
     Count {
         /// The file.
         path: PathBuf,
-        /// What the file's summary says.
+        /// The count of the file's summary.
         stated: u64,
         /// What was read.
         read: u64,
@@ -231,11 +231,11 @@ pub enum Warning {
         /// Samples left out, over all streams.
         left_out: u64,
     },
-    /// A stream is absent, and a constant stands in for it.
+    /// A stream is absent, and a constant replaces it.
     Filled {
         /// The topic.
         topic: String,
-        /// What stands in.
+        /// The constant.
         with: &'static str,
     },
     /// An input begins after the recording, and rows begin when every input has a value.

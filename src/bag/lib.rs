@@ -1,14 +1,14 @@
 //! Bags: recordings in and out of files as rosbag2 writes them.
 //!
 //! [`read()`] turns a bag into a [`Recording`]: decoded, checked, aligned. [`messages`] gives what is in
-//! it as it is, in log-time order. [`survey()`] says what is in any bag. [`Writer`] makes one that rosbag2,
+//! it as it is, in log-time order. [`survey()`] reports what is in any bag. [`Writer`] makes one that rosbag2,
 //! Foxglove and PlotJuggler open. What was damaged, dropped or moved is counted and placed in [`Health`].
 //!
 //! # From streams to rows
 //! Streams have their own rates and jitter. The rule that makes rows of them:
 //!
 //! 1. A value's time is its `header.stamp`. Log time only orders arrival. A stamp of 0 is a sender without a
-//!    clock, for which log time stands in, unless other stamps of the bag lie near 0, too.
+//!    clock, which log time replaces, unless other stamps of the bag are near 0, too.
 //! 2. Late samples go to their place. Of samples with one stamp the last logged stays. Values that are
 //!    not finite or physically impossible, and stamps far from their neighbours, are dropped. Where the
 //!    clock of the stamps jumps, or nothing is recorded for more than 600 s, the run with most samples is
@@ -93,9 +93,9 @@ pub use topic::{Qos, RawMessage, TopicInfo};
 pub use topic_survey::{FieldSurvey, PaceSurvey, Spread, TopicSurvey};
 pub use writer::{Sealed, Topic, Writer, WriterOptions};
 
-/// Name of the metadata record in which the program says what it wrote.
+/// Name of the metadata record in which the program describes what it wrote.
 pub const GOVTWIN: &str = "govtwin";
-/// Key there that says what was simulated.
+/// Key there of what was simulated.
 pub const SIMULATOR: &str = "simulator";
 /// Its text where that was the twin itself.
 pub const TWIN: &str = "twin";
@@ -104,7 +104,7 @@ pub const SYNTHETIC: &str = "synthetic";
 /// Key there for where the data comes from, in words.
 pub const ORIGIN: &str = "origin";
 
-/// A recording with what is to be said of its bag.
+/// A recording with the findings on its bag.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded {
     /// The rows.
@@ -227,7 +227,7 @@ impl Interpolation {
 /// What the numbers of recorded positions mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Positions {
-    /// Pu, as the messages say; what no transducer reads is dropped.
+    /// Pu, as the messages define; impossible values are dropped.
     #[default]
     Pu,
     /// Spool and servomotor in units of their own, which are read as pu.
@@ -237,7 +237,7 @@ pub enum Positions {
 }
 
 impl Positions {
-    /// As a unit's file says.
+    /// As a unit's file defines.
     #[must_use]
     pub fn of(channels: ChannelReadings) -> Self {
         if channels == ChannelReadings::default() { Self::Pu } else { Self::Recorded(channels) }
@@ -253,7 +253,7 @@ pub struct ReadOptions {
     pub interpolation: Interpolation,
     /// Streams without which the bag is refused; the three inputs by default.
     ///
-    /// For others that are absent a constant stands in, and the health says so: command NaN, ESV
+    /// Others that are absent are replaced by a constant, which the health lists: command NaN, ESV
     /// normal, tank pressure NaN, measured signals NaN.
     pub required: Vec<Stream>,
     /// What the numbers of positions mean.

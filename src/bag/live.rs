@@ -22,7 +22,7 @@ use govtwin_model::units::NANOS_PER_SECOND;
 /// A sample may be so late behind the newest of its own stream; one that is later shows a clock that was set back.
 const LATE_NS: i64 = order::SET_BACK_NS;
 
-/// A stream that says nothing is waited for as long as its messages have taken at most, and so much longer.
+/// A silent stream is waited for as long as its messages have taken at most, and so much longer.
 const LAG_NS: i64 = 10 * NANOS_PER_SECOND;
 
 /// Stamps and log times that part by more, or silences that last longer, may be a jump of time.
@@ -190,7 +190,7 @@ impl Live {
         Self { grid: this.grid.map(Grid::following), ..this }
     }
 
-    /// Streams that were not heard, although the bag may hold them.
+    /// Streams without messages so far, although the bag may hold them.
     pub(super) fn unheard(&self) -> impl Iterator<Item = Stream> {
         let silent = [
             (Stream::Command, self.command.newest.is_none() && !self.command.absent),
@@ -307,7 +307,7 @@ impl Live {
     /// Makes the last rows, and gives health, evidence and edges.
     pub(super) fn finish(&mut self, on_row: &mut dyn FnMut(&Frame)) -> Result<(), Irregular> {
         self.rows(i64::MAX, on_row)?;
-        // A topic without one usable sample is as good as absent, which nobody knew.
+        // A topic without one usable sample counts as absent, which was not known before.
         if !(self.command.is_settled() && self.esv.is_settled() && self.tank_pressure.is_settled()) {
             return Err(Irregular);
         }

@@ -50,7 +50,7 @@ pub struct Overview {
 /// Looks through a whole bag, and at the recording of the servo system in it, where it is one.
 ///
 /// # Errors
-/// Where there is no bag at the path; the inner one says why it holds no recording.
+/// Where there is no bag at the path; the inner one has the reason why it holds no recording.
 pub fn look(path: &Path, options: &ReadOptions) -> Result<(Survey, Result<Overview, BagError>), BagError> {
     let source = source::open(path)?;
     let mut glance = Glance::default();

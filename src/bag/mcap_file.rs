@@ -24,7 +24,7 @@ use walk::{FilePart, FileWalk, PartKind};
 /// Of a file of so many bytes it pays to unpack in a thread of its own.
 const LONG_BYTES: u64 = 1 << 20;
 
-/// More entries of damage than this say nothing more.
+/// The most entries of damage that are listed.
 const DAMAGE_LIMIT: usize = 32;
 
 /// More compressions, or names of metadata records, are not listed.
@@ -44,7 +44,7 @@ pub(super) struct ScannedFile {
     pub(super) segments: Vec<Segment>,
 }
 
-/// Reads a whole file, hands on its messages in file order, and says how the file is.
+/// Reads a whole file, hands on its messages in file order, and returns the state of the file.
 ///
 /// # Errors
 /// Where the operating system refuses. Damage is no error.
@@ -117,7 +117,7 @@ impl Scan {
         }
     }
 
-    /// Reads what the end of a finished file says of it: channels, counts, whether there is an index.
+    /// Reads the summary at the end of a finished file: channels, counts, whether there is an index.
     fn summary(&mut self, file: &mut RecordFile) -> io::Result<()> {
         let tail = file.tail()?;
         self.found.health.finished = tail != Tail::Unfinished;
@@ -281,7 +281,7 @@ fn clipped(text: &str) -> String {
     text.chars().take(TEXT_LIMIT).collect()
 }
 
-/// Whether a metadata record says that the program's own twin stands behind what is recorded.
+/// Whether a metadata record states that the program's own twin made the data.
 fn is_from_the_twin(name: &str, texts: &BTreeMap<&str, &str>) -> bool {
     name == GOVTWIN && texts.get(SIMULATOR).is_some_and(|simulator| *simulator == TWIN)
 }
@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn damage_is_passed_over_in_time_that_grows_with_the_file_alone() {
         for damage in [
-            // Heads of records that say they are longer than the file, or than any record.
+            // Record headers that state more bytes than the file, or than any record, has.
             record(op::MESSAGE, 1 << 40, &[]),
             record(op::CHUNK, u64::MAX, &[1; 30]),
             record(op::CHUNK, RECORD_LIMIT_BEYOND, &[]),

@@ -19,7 +19,7 @@ pub(super) struct Metadata {
     pub(super) message_count: Option<u64>,
     pub(super) compression_mode: String,
     pub(super) compression_format: String,
-    /// What it says of topics, by name: qualities of service as YAML, and the hash of the type.
+    /// Its statements on topics, by name: qualities of service as YAML, and the hash of the type.
     pub(super) topics: BTreeMap<String, (String, String)>,
     /// How many messages it counts on each topic.
     pub(super) counts: BTreeMap<String, u64>,
@@ -97,7 +97,7 @@ pub(super) struct TopicSummary {
     pub(super) message_count: u64,
 }
 
-/// What a written bag says of itself.
+/// The metadata of a written bag.
 #[derive(Clone, Debug)]
 pub(super) struct Summary {
     pub(super) file_name: String,
@@ -188,7 +188,7 @@ struct WriteTopicMetadata<'a> {
 impl<'a> WriteTopic<'a> {
     fn new(topic: &'a TopicSummary) -> Self {
         let profiles = if topic.offered_qos_profiles.is_empty() { "[]" } else { &topic.offered_qos_profiles };
-        // They come from a bag. What is no YAML of that size stands as text, as up to version 8 all of them did.
+        // They come from a bag. What is no YAML of that size stays text, as up to version 8 all of them did.
         let sound = profiles.len() <= LONGEST_PROFILES && check_yaml(profiles).is_ok();
         let parsed = if sound { serde_yaml::from_str(profiles).ok() } else { None };
         let profiles = parsed.unwrap_or_else(|| serde_yaml::Value::String(profiles.to_owned()));

@@ -14,7 +14,7 @@ pub(super) const SET_FORWARD_NS: i64 = 600 * NANOS_PER_SECOND;
 /// Clocks of several streams that jump within this time of recording jump together.
 const TOGETHER_NS: i64 = 2 * NANOS_PER_SECOND;
 
-/// Clocks that were never set tell times before this, ns.
+/// Clocks that were never set show times before this, ns.
 const YEAR_2000_NS: i64 = 946_684_800 * NANOS_PER_SECOND;
 
 /// A jump of the clock that stamps one stream.
@@ -26,11 +26,11 @@ pub(super) struct Jump {
     pub(super) topic: String,
     pub(super) from_ns: i64,
     pub(super) to_ns: i64,
-    /// Stamps and log times went on alike: a pause, for a clock that was never set tells no time before 2000.
+    /// Stamps and log times advanced alike: a pause, unless a clock that was never set shows a time before 2000.
     pub(super) pause: bool,
 }
 
-/// A time in which no stream of the bag got a sample, as the log times tell it: a pause, or the recorder's own clock set forward.
+/// A time in which no stream of the bag got a sample, by the log times: a pause, or the recorder's own clock set forward.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Silence {
     begin_ns: i64,
@@ -195,7 +195,7 @@ pub(super) fn keep_run<V: Value>(samples: &mut Vec<Sample<V>>, runs: &[usize], r
     health.other_run = (all - samples.len()) as u64;
 }
 
-/// What is said of two samples with one stamp.
+/// The finding on two samples with one stamp.
 pub(super) fn second_value(stamp_ns: i64) -> String {
     format!("a second value for stamp {stamp_ns} ns; the later one stays")
 }

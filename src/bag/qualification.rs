@@ -1,7 +1,7 @@
 //! Data qualification: the one place that decides which data is disqualified, warned of, or only noted.
 //!
-//! Limits are physical where a governor's hydraulics set them, and statistical where they do not; each stands with its reason. They were
-//! set beforehand, from data sheets, standards and clocks, and not from recordings. What a statistical limit cannot tell is said beside it.
+//! Limits are physical where a governor's hydraulics set them, and statistical where they do not; each has its reason beside it. They were
+//! set beforehand, from data sheets, standards and clocks, and not from recordings. The limitation of a statistical limit is stated beside it.
 //!
 //! | severity | what is found |
 //! |---|---|
@@ -29,14 +29,14 @@ pub(super) const COMMAND_LIMITS: Limits = Limits { what: "opening", unit: "pu", 
 pub(super) const PRESSURE_LIMITS: Limits = Limits { what: "pressure", unit: "Pa", least: -1.1e5, most: 1.0e8 };
 /// Positions in pu; a transducer may overshoot its span, not multiply it.
 pub(super) const POSITION_LIMITS: Limits = Limits { what: "position", unit: "pu", least: -10.0, most: 10.0 };
-/// Positions in a unit that nobody knows.
+/// Positions in an unknown unit.
 pub(super) const ANY_LIMITS: Limits = Limits { what: "position", unit: "in any unit", least: -1.0e12, most: 1.0e12 };
 
 /// Guide-vane commands in percent lie here.
 const PERCENT: std::ops::RangeInclusive<f64> = 2.0..=105.0;
 
 /// A tank at no more than this has no pressure at all, Pa: no transducer's noise is that small, so that nothing is connected to it, or
-/// nobody filled the message in.
+/// the message was not filled in.
 const NO_PRESSURE_PA: f64 = 0.5;
 
 impl Limits {
@@ -50,7 +50,7 @@ impl Limits {
         Err(format!("{what} is {value} {unit}, expected {least} to {most} {unit}{hint}"))
     }
 
-    /// NaN says "not available" and passes.
+    /// NaN means "not available" and passes.
     pub(super) fn check_signal(self, value: f64, faults: &mut Vec<String>) -> f64 {
         if value.is_nan() {
             return value;
@@ -116,10 +116,10 @@ const PRESSED_PU: f64 = 0.05;
 /// Rounding is no overshoot, pu.
 const ROUNDED_PU: f64 = 0.001;
 
-/// Numbers of which fewer than this are there say nothing of their kind.
+/// Fewer numbers than this are no evidence of their kind.
 const FEW: u64 = 20;
 
-/// What is to be said of the streams, in the order of [`Stream::ALL`]: by topic, evidence, and how many samples conflicted.
+/// The findings on the streams, in the order of [`Stream::ALL`]: by topic, evidence, and how many samples conflicted.
 pub(super) fn of_streams(streams: &mut [(&str, &mut StreamEvidence, u64)]) -> Vec<Finding> {
     let mut found = vec![];
     for (topic, evidence, conflicts) in &mut *streams {
@@ -207,7 +207,7 @@ fn drift(streams: &[(&str, &mut StreamEvidence, u64)], found: &mut Vec<Finding>)
     }
 }
 
-/// What is to be said of the servo state's topic, which has so many samples, and of its rows.
+/// The findings on the servo state's topic, which has so many samples, and of its rows.
 pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowEvidence) -> Vec<Finding> {
     let mut found = vec![];
     if servo_state.samples > 0 && servo_state.channel.count == 0 {
@@ -269,7 +269,7 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
     found
 }
 
-/// What is to be said of the files beside damage, and of a bag whose metadata states how many messages it has.
+/// The findings on the files beside damage, and of a bag whose metadata states how many messages it has.
 pub(super) fn of_files(files: &[FileHealth], is_counted: bool) -> Vec<Finding> {
     let mut found = vec![];
     for file in files.iter().filter(|file| file.messages > 0) {

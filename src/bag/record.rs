@@ -21,7 +21,7 @@ pub(super) enum Record<'a> {
     Channel { id: u16, schema_id: u16, topic: &'a str, encoding: &'a str, metadata: BTreeMap<&'a str, &'a str> },
     /// A message.
     Message { channel_id: u16, sequence: u32, log_time_ns: u64, publish_time_ns: u64, data: &'a [u8] },
-    /// How many messages the file says it has, and each channel that has any where that can be read.
+    /// The file's stated number of messages, and each channel that has any where that can be read.
     Statistics { messages: u64, counts: BTreeMap<u16, u64> },
     /// Metadata of this name; its texts where they can be read.
     Metadata { name: &'a str, texts: BTreeMap<&'a str, &'a str> },
@@ -33,7 +33,7 @@ pub(super) enum Record<'a> {
     Other,
 }
 
-/// Reads a record; `None` where its body is not what its opcode says.
+/// Reads a record; `None` if its body does not match its opcode.
 pub(super) fn parse(opcode: u8, body: &[u8]) -> Option<Record<'_>> {
     let mut fields = Fields(body);
     Some(match opcode {

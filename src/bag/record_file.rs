@@ -23,12 +23,12 @@ const WINDOW_LEN: usize = 1 << 16;
 /// How far the first look goes, bytes: where chunk follows on damage every few bytes, long looks would add up.
 const FIRST_LOOK_LEN: usize = 1 << 8;
 
-/// What stands at a place.
+/// The contents at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Step {
     /// A whole record; its body was read.
     Record(u8),
-    /// A record that says it is longer than what is left, or than any should be; [`RecordFile::rest`] reads what is there.
+    /// A record whose stated length exceeds the rest of the file or the limit; [`RecordFile::rest`] reads what is there.
     Cut { opcode: u8, stated_len: u64 },
     /// No record can begin here.
     Nonsense,

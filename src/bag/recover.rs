@@ -26,14 +26,14 @@ impl Recovered {
     }
 }
 
-/// Where a broken-off recording of this name is kept, if there is one and nothing stands under the name itself.
+/// Where a broken-off recording of this name is kept, if there is one and the name itself is free.
 #[must_use]
 pub fn broken_off(place: &Path) -> Option<PathBuf> {
     let kept = unfinished::kept(place);
     (!place.exists() && kept.is_dir()).then_some(kept)
 }
 
-/// The name that a recording would have had that stands at this path, where it was broken off.
+/// The name that the broken-off recording at this path would have had.
 #[must_use]
 pub fn intended_place(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?.to_string_lossy();
@@ -41,11 +41,11 @@ pub fn intended_place(path: &Path) -> Option<PathBuf> {
     Some(path.with_file_name(name))
 }
 
-/// Writes every message of the bag at `source` that can be read into a new bag `dir`, in the order of recording, as it stands there,
+/// Writes every message of the bag at `source` that can be read into a new bag `dir`, in the order of recording, unchanged,
 /// with topics, schemas, type hashes, qualities of service and what the bag says of itself. The damaged bag is not touched.
 ///
 /// # Errors
-/// Where there is no bag at `source`, something stands at `dir`, or the operating system refuses.
+/// Where there is no bag at `source`, `dir` exists, or the operating system refuses.
 pub fn recover(source: &Path, dir: &Path) -> Result<Recovered, BagError> {
     Writer::check(dir, WriterOptions::default())?;
     let found = messages(source)?;

@@ -83,7 +83,7 @@ impl Seek for Reserved {
     }
 }
 
-/// Whether a disk, a quota or the largest size of a file stands in the way.
+/// Whether a full disk, a quota or a file size limit is the cause.
 pub(super) fn is_full(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge)
 }

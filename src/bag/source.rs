@@ -19,14 +19,14 @@ const LARGEST_METADATA_BYTES: u64 = 1 << 24;
 
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
 
-/// A bag's files in order, and what is to be said of how they were found.
+/// A bag's files in order, and the findings of the search for them.
 #[derive(Debug)]
 pub(super) struct BagSource {
     /// What people call the bag.
     pub(super) name: String,
     /// The files, oldest first.
     pub(super) files: Vec<BagFile>,
-    /// What `metadata.yaml` says, where there is one.
+    /// The contents of `metadata.yaml`, if there is one.
     pub(super) metadata: Option<Metadata>,
     /// Files that are missing, metadata that cannot be used.
     pub(super) warnings: Vec<Warning>,
@@ -70,7 +70,7 @@ impl BagFile {
         self.unpacked.as_ref().map_or(&self.path, |(unpacked, _)| unpacked.path())
     }
 
-    /// Reads it, hands on each message, and says how it is.
+    /// Reads it, hands on each message, and returns its state.
     fn scan(&self, on_message: &mut OnMessage<'_>) -> Result<ScannedFile, BagError> {
         let path = self.readable();
         let bytes = fs::metadata(path).map_err(BagError::io(&self.path, "read"))?.len();
@@ -312,7 +312,7 @@ impl BagSource {
         Some(names)
     }
 
-    /// Everything to be said of how the files were found and how they are.
+    /// All findings on the files.
     pub(super) fn all_warnings(&self, files: &[FileHealth]) -> Vec<Warning> {
         let mut warnings: Vec<Warning> = files.iter().flat_map(FileHealth::warnings).collect();
         let read: u64 = files.iter().map(|file| file.messages).sum();

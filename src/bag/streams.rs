@@ -24,7 +24,7 @@ pub(super) trait Value: Copy + Sized {
     /// The message that carries it.
     type Message: Interface;
 
-    /// Takes the value out, or says why it cannot be one. Parts that are dropped go to `faults`.
+    /// Takes the value out, or returns why it is none. Parts that are dropped go to `faults`.
     fn of(message: &Self::Message, positions: Positions, faults: &mut Vec<String>) -> Result<Self, String>;
 
     /// Equal to the last bit: a repeated message, not a new one.
@@ -32,7 +32,7 @@ pub(super) trait Value: Copy + Sized {
         self.number().to_bits() == other.number().to_bits()
     }
 
-    /// Who says of itself that it sent the message.
+    /// The sender by the message's own statement.
     fn frame_id(message: &Self::Message) -> &str;
 
     /// A number of it, NaN where it has none.

@@ -6,10 +6,10 @@ use mcap::records::op;
 
 use super::record::{Fields, Record};
 
-/// More findings than this say nothing more.
+/// The most findings that are listed.
 const LIMIT: usize = 16;
 
-/// Where a chunk stands by the file's index, and when its messages were recorded.
+/// Where a chunk is by the file's index, and when its messages were recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct ChunkPlace {
     at: u64,
@@ -43,7 +43,7 @@ impl ChunkTally {
     }
 }
 
-/// What a file's summary says it holds.
+/// The contents of a file by its summary.
 #[derive(Clone, Copy, Debug)]
 struct Stated {
     channels: u32,
@@ -56,7 +56,7 @@ struct Stated {
 pub(super) struct Structure {
     index: Vec<ChunkPlace>,
     stated: Option<Stated>,
-    /// Channels by number with their schemas, and schemas with a digest of what they say.
+    /// Channels by number with their schemas, and schemas with a digest of their contents.
     channels: BTreeMap<u16, (u16, u32)>,
     schemas: BTreeMap<u16, u32>,
     in_summary: bool,
@@ -125,7 +125,7 @@ impl Structure {
         self.chunks += u32::from(begins);
     }
 
-    /// A chunk was read whose record stands at `at`; its messages were taken.
+    /// A chunk was read whose record is at `at`; its messages were taken.
     pub(super) fn chunk(&mut self, at: u64, body: &[u8], head_len: u64) {
         let (first_ns, last_ns) = self.chunk.times_ns.unwrap_or_default();
         let mut fields = Fields(body);
@@ -151,7 +151,7 @@ impl Structure {
         }
     }
 
-    /// What does not fit. Only of files that are otherwise sound: after damage nothing fits.
+    /// What does not fit. Only of files without damage: after damage nothing fits.
     pub(super) fn finish(mut self, is_finished: bool) -> Vec<String> {
         self.next_chunk(false);
         let entries = u32::try_from(self.index.len()).unwrap_or(u32::MAX);

@@ -40,7 +40,7 @@ pub fn survey(path: &Path) -> Result<Survey, BagError> {
     Ok(of(&source, scanned, tallies))
 }
 
-/// What is to be said once all messages are counted.
+/// The findings once all messages are counted.
 pub(super) fn of(source: &BagSource, scanned: Scanned, mut tallies: Tallies) -> Survey {
     let mut warnings = source.all_warnings(&scanned.files);
     let notes = source.notes(&scanned.files);

@@ -72,7 +72,7 @@ impl Tallies {
         Some(Arc::clone(layout))
     }
 
-    /// What is to be said of all topics, by name.
+    /// The findings on all topics, by name.
     pub(super) fn finish(self) -> Vec<TopicSurvey> {
         let mut all: Vec<Option<Tally>> = self.all.into_iter().map(Some).collect();
         let in_order = self.by_name.into_values();

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use crate::msg::definition::DefinitionError;
 use crate::msg::{Interface, definition, type_hash};
 
-/// What a bag says of one topic.
+/// A topic by a bag's metadata.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TopicInfo {
     /// Name, `/governor/command`.
     pub name: String,
-    /// Full type name, `package/msg/Type`; empty where the bag does not say.
+    /// Full type name, `package/msg/Type`; empty if the bag does not state it.
     pub type_name: String,
     /// Encoding of the messages, `cdr`.
     pub encoding: String,
@@ -19,9 +19,9 @@ pub struct TopicInfo {
     pub schema_encoding: String,
     /// The schema, which topics of one type share.
     pub schema: Arc<[u8]>,
-    /// Quality of service as YAML, as rosbag2 keeps it; empty where the bag does not say.
+    /// Quality of service as YAML, as rosbag2 keeps it; empty if the bag does not state it.
     pub offered_qos_profiles: String,
-    /// REP-2016 hash of the type; empty where the bag does not say.
+    /// REP-2016 hash of the type; empty if the bag does not state it.
     pub type_hash: String,
 }
 
@@ -51,7 +51,7 @@ impl TopicInfo {
     }
 }
 
-/// One message as it stands in a bag.
+/// One message of a bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawMessage {
     /// Its topic.

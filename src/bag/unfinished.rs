@@ -50,7 +50,7 @@ fn check_place(place: &Path, options: WriterOptions) -> Result<(), BagError> {
     if ours { Ok(()) } else { Err(BagError::InTheWay { path: place.to_owned() }) }
 }
 
-/// What it means that a recording stands unfinished: somebody is at it, or it was broken off.
+/// The state of an unfinished recording: being written, or broken off.
 fn left_or_busy(place: &Path, path: PathBuf) -> BagError {
     let place = place.to_owned();
     if is_held(&path) {
@@ -130,20 +130,20 @@ impl Unfinished {
         self.place.file_name().unwrap_or(self.place.as_os_str()).to_string_lossy().into_owned()
     }
 
-    /// Puts the folder in its place; a bag that stood there goes only once this one stands.
+    /// Puts the folder in its place; an older bag there is removed only when this one is in place.
     pub(super) fn complete(mut self) -> Result<PathBuf, BagError> {
         self.put()?;
         Ok(self.place.clone())
     }
 
-    /// Puts the folder in its place. A bag that stood there keeps the temporary name as long as this is not dropped.
+    /// Puts the folder in its place. An older bag there keeps the temporary name as long as this is not dropped.
     pub(super) fn put(&mut self) -> Result<(), BagError> {
         // Writing takes its time, and others may have written there.
         check_place(&self.place, self.options).map_err(|error| self.taken(error))?;
         let older = look_at_link(&self.place).map_err(BagError::io(&self.place, "look at"))?;
         if older.is_some() {
             exchange(&self.path, &self.place).map_err(BagError::io(&self.place, "replace"))?;
-            // What came out is looked at again: only now nobody can change it any more.
+            // The extracted bag is checked again: only now it cannot change any more.
             if let Err(error) = check_place(&self.path, self.options) {
                 exchange(&self.path, &self.place).map_err(BagError::io(&self.place, "put back"))?;
                 return Err(match error {
@@ -166,7 +166,7 @@ impl Unfinished {
         Ok(())
     }
 
-    /// Takes the folder out of its place again; what stood there stands there again.
+    /// Takes the folder out of its place again and restores the older one.
     pub(super) fn take_back(&mut self) {
         // Nothing better can be done where even the way back is closed: both stay.
         self.keep = match self.replaced.take() {
@@ -188,7 +188,7 @@ impl Unfinished {
 impl Drop for Unfinished {
     fn drop(&mut self) {
         if !self.keep {
-            // Nobody is left to hear of a failure to clean up.
+            // A failure to clean up cannot be reported any more.
             let _ = fs::remove_dir_all(&self.path);
         }
     }

@@ -20,7 +20,7 @@ pub(super) fn is_packed(bytes: &[u8]) -> bool {
     bytes.starts_with(ZSTD_MAGIC)
 }
 
-/// Unpacks a file that is compressed as a whole, as far as it can be unpacked, and says what was wrong with it.
+/// Unpacks a file that is compressed as a whole, as far as possible, and returns what was wrong with it.
 ///
 /// # Errors
 /// Where the operating system refuses.
@@ -93,7 +93,7 @@ impl Messages {
         }
     }
 
-    /// What there is to say of messages that could not be unpacked.
+    /// The findings on messages that could not be unpacked.
     pub(super) fn damage(&self) -> Option<Damage> {
         let problem = self.first_problem.as_ref()?;
         Some(Damage {

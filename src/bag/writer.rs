@@ -103,7 +103,7 @@ impl Sealed {
         self.folder.complete()
     }
 
-    /// Puts the bag in its place, from which [`Sealed::take_back`] takes it as long as this stands.
+    /// Puts the bag in its place, from which [`Sealed::take_back`] takes it as long as this exists.
     ///
     /// # Errors
     /// As [`Writer::finish`].
@@ -111,7 +111,7 @@ impl Sealed {
         self.folder.put()
     }
 
-    /// Takes the bag out of its place again, and lets stand there what stood there before.
+    /// Takes the bag out of its place again, and restores the older one.
     pub fn take_back(&mut self) {
         self.folder.take_back();
     }
@@ -128,7 +128,7 @@ impl Writer {
         let file_name = format!("{}_0.mcap", folder.name());
         let file_path = folder.path().join(&file_name);
         let file = step().and_then(|()| File::create(&file_path)).map_err(BagError::io(&file_path, "create"))?;
-        // Held as long as it is written, so that nobody takes it for left over.
+        // Held as long as it is written, so that it is not taken for a leftover.
         hold(&file).map_err(BagError::io(&file_path, "lock"))?;
         let file = if options.keep_unfinished {
             Reserved::with_room(file, folder.path()).map_err(BagError::io(dir, "keep 8 MiB of room for"))?
@@ -187,7 +187,7 @@ impl Writer {
         self.put(topic.id, log_time_ns, log_time_ns, 0, &data)
     }
 
-    /// Writes a message as it stands in another bag, with its topic, schema and times.
+    /// Writes a message of another bag unchanged, with its topic, schema and times.
     ///
     /// # Errors
     /// Where the operating system refuses.
@@ -363,7 +363,7 @@ mod tests {
             |went_well| {
                 assert_eq!(place.exists(), went_well);
                 assert!(!(kept.exists() && went_well));
-                // Moved away, as its user is told to do; a write that finds the disk full goes well in the room that was kept.
+                // Moved away, as the message suggests; a write that finds the disk full goes well in the room that was kept.
                 let _ = std::fs::remove_dir_all(&kept);
                 let _ = std::fs::remove_dir_all(&place);
             },

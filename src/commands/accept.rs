@@ -151,7 +151,7 @@ fn judge(
     sheet: &Unit,
 ) -> (AcceptanceSummary, Vec<Drawn>) {
     let Some(faults) = faults else {
-        // The sheet's twin stands in where nothing is compared with it; none of its figures are shown.
+        // The sheet's twin replaces it where nothing is compared with it; none of its figures are shown.
         let compared = counterfactual::measured_alone(recordings);
         let drawn = draw(recordings, None, &[]);
         return (summarise(&compared, &DiagnosedTwin::default(), limits), drawn);

@@ -99,7 +99,7 @@ impl MapArgs {
         let mut mapped = Mapped { paths: vec![], given: vec![], ..none };
         let mut files = vec![];
         for path in paths {
-            // A folder of bags stands for each of them; tables are named one by one.
+            // A folder of bags means each of them; tables are named one by one.
             let bags = if path.is_dir() { find(std::slice::from_ref(path))? } else { vec![] };
             files.extend(bags.into_iter().map(|bag| bag.path));
             files.extend(Some(path.clone()).filter(|path| !path.is_dir()));
@@ -297,7 +297,7 @@ pub fn find(paths: &[PathBuf]) -> anyhow::Result<Vec<Bag>> {
 pub fn holds_bags(path: &Path) -> anyhow::Result<bool> {
     let mut found = vec![];
     collect(path, &mut vec![], &mut found)?;
-    // What is no folder stands for itself.
+    // A file is meant itself.
     Ok(!found.is_empty() && (found != [path] || check_bag_folder(path)?))
 }
 
@@ -345,7 +345,7 @@ fn collect(path: &Path, above: &mut Vec<PathBuf>, found: &mut Vec<PathBuf>) -> a
     }
     entries.sort();
     for entry in entries {
-        // A proposed test is a script for a governor, and stands beside the recordings where a diagnosis is written into their folder.
+        // A proposed test is a script for a governor, and is beside the recordings if a diagnosis is written into their folder.
         let is_no_recording = |name: &OsStr| name.as_encoded_bytes().starts_with(b".") || name == NEXT_TEST;
         let hidden = entry.file_name().is_some_and(is_no_recording);
         let looking = || format!("cannot look at {}", entry.display());

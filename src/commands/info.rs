@@ -1,4 +1,4 @@
-//! `govtwin info`: says what is in bags, this project's or any other.
+//! `govtwin info`: reports what is in bags, this project's or any other.
 
 mod text;
 
@@ -111,7 +111,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 fn look(name: String, path: &Path, options: &ReadOptions) -> Result<BagEntry, BagError> {
     let (mut survey, overview) = govtwin_bag::look(path, options)?;
-    // A bag of something else is not judged as a recording.
+    // A bag of something else is not checked as a recording.
     let related = survey.topics.iter().any(|topic| topic.type_name.starts_with("governor_msgs/"));
     let mut recording = None;
     let mut no_recording = None;

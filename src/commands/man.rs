@@ -1,4 +1,4 @@
-//! `govtwin man`: the manual pages, made of what `--help` says.
+//! `govtwin man`: the manual pages, made from the text of `--help`.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! What several commands say and leave behind: text on standard output, progress, whole files.
+//! Output that commands share: text on standard output, progress, whole files.
 
 mod progress;
 

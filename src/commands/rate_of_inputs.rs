@@ -1,4 +1,4 @@
-//! The option `--rate-of-inputs`, the same wherever it stands.
+//! The option `--rate-of-inputs`, the same in all commands.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use govtwin_correction::row::RateOfInputs;

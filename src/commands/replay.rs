@@ -174,7 +174,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let models = models.collect::<anyhow::Result<Vec<_>>>()?;
     let driven = args.rate_of_inputs(&models)?;
     let climbs = !args.then.is_empty() || models.len() > 1;
-    // On a ladder every model stands on a unit of its own.
+    // On a ladder every model has a unit of its own.
     let single = models.first().filter(|_| !climbs);
     if climbs && args.adapt {
         return Err(usage("--adapt follows one residual; leave out --then and further --residual"));
@@ -291,7 +291,7 @@ fn replay_all(
 ) -> anyhow::Result<Vec<Result>> {
     let twin = Twin::new(unit).with_cut(args.cut.cut());
     let options = options(args, driven, unit);
-    // A further unit or a learned residual runs along all rows again; a trip is put where a later row tells of it.
+    // A further unit or a learned residual runs along all rows again; a trip is placed by a later row.
     let whole = !args.then.is_empty() || !args.residual.is_empty() || driven == RateOfInputs::Linear;
     let progress = Progress::new(bags.len(), "recordings");
     let results: Vec<anyhow::Result<Result>> = bags

@@ -1,4 +1,4 @@
-//! `govtwin sheet`: a parameter file from what stands on a name plate and in a manual.
+//! `govtwin sheet`: a parameter file from a name plate and a manual.
 
 use govtwin_diagnosis::sheet::plate_file;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! `govtwin train`: a model of the twin's residual, found by Bayesian optimisation, judged on rows that it never saw.
+//! `govtwin train`: a model of the twin's residual, found by Bayesian optimisation, evaluated on test rows.
 
 use anyhow::{Context, bail};
 use govtwin_correction::booster::{Hyperparameters, Objective};

@@ -5,7 +5,7 @@
 //! `S± = max(0, S± ± z − k)`, an alarm where one passes `h`. Beside it recursive least squares with exponential forgetting (Ljung 1999,
 //! *System Identification*, section 11.2), each innovation cut to σ since residuals have heavy tails, learns `e ≈ b + g·y`, y the twin's own value;
 //! and the leaves of the model's trees learn e where the row falls into them (`src/residual/leaves.rs`). Before the first alarm nothing is added, to the bit.
-//! After it `b + g·y`, or what the leaves say, is added, clamped to stated bounds, for as long as it has proved itself: its forgetting mean of |e| lies
+//! After it `b + g·y`, or the output of the leaves, is added, clamped to stated bounds, as long as it reduces the error: its forgetting mean of |e| lies
 //! below that without it by a margin, and below that of the other. What is added at a sample was learned before that sample.
 
 use serde::Serialize;
@@ -52,7 +52,7 @@ const BAND_IN_SIGMA: f64 = 1.645;
 /// What the adaptation saw and did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Adaptation {
-    /// Measured samples that were judged.
+    /// Measured samples that were evaluated.
     pub samples: u64,
     /// Alarms of the detector.
     pub alarms: u64,
@@ -150,7 +150,7 @@ impl Adapter {
         self.leaves.here()
     }
 
-    /// What is to be added at the row at hand, where the twin says `value`; exactly 0 before the first alarm.
+    /// The correction of the present row, whose estimate by the twin is `value`; exactly 0 before the first alarm.
     pub fn correction(&mut self, value: f64) -> f64 {
         let Some(best) = self.best().filter(|_| value.is_finite()) else { return 0.0 };
         let bounded = self.offers(value)[best];
@@ -160,7 +160,7 @@ impl Adapter {
         bounded
     }
 
-    /// Takes a measured sample: what the model said there without adaptation, what the twin said, and how far it moved.
+    /// Observes a measured sample, with the model's output there without adaptation, the twin's estimate, and its motion.
     pub fn hear(&mut self, time_ns: i64, measured: f64, corrected: f64, value: f64, motion: f64) {
         let innovation = measured - corrected;
         if !(innovation.is_finite() && value.is_finite()) {

@@ -12,7 +12,7 @@ use super::forest::Tree;
 /// Name and version of what trains.
 pub const NAME: &str = "LightGBM 4 through lightgbm3 1.0";
 
-/// Fewer rows than this teach nothing that a guard could vouch for.
+/// The fewest training rows for which a guard can be learned.
 pub(crate) const FEWEST_ROWS: usize = 200;
 
 /// What trees make least.

@@ -13,7 +13,7 @@ use super::row::{RowChannel, RowMaker};
 use govtwin_model::frame::{Estimate, Frame};
 use govtwin_model::signal::Signal;
 
-/// What a model says of one row, in the unit of its signal.
+/// The output of a model for one row, in the unit of its signal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Correction {
     /// The twin's own value; the coefficient's unit is the signal's.
@@ -69,7 +69,7 @@ impl Corrector {
     /// The same with adaptation to drift, fed by what frames hold as measured.
     ///
     /// # Errors
-    /// Where the model has no band to tell drift from its usual residuals.
+    /// If the model has no band that separates drift from its usual residuals.
     pub fn adapting(mut self, model: &Model) -> Result<Self, ModelError> {
         let missing = || ModelError::Mismatch {
             what: "band, against which drift is judged,",

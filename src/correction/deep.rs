@@ -1,6 +1,6 @@
 //! The paper's models with memory, LSTM and TCN, on the same rows and features: the only file that knows candle.
 //!
-//! Both read the last few rows of features, scaled by the training rows, and say the residual; loss and target are the trees':
+//! Both read the last few rows of features, scaled by the training rows, and estimate the residual; loss and target are the trees':
 //! mean absolute error of measured − twin. A sequence never leaves its recording, nor the part of the split that its last row is in.
 //! Weights and order of rows are drawn from a seed. LSTM: Hochreiter and Schmidhuber 1997; TCN: Bai, Kolter and Koltun 2018.
 
@@ -171,7 +171,7 @@ fn middle_and_spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     (middle, if spread > 1e-12 * (1.0 + middle.abs()) { spread } else { 1.0 })
 }
 
-/// Trains a network on the residuals of the rows that teach and gives its word for those that judge. Of each, only every
+/// Trains a network on the residuals of the training rows and returns its output for the test rows. Of each, only every
 /// `every`-th row ends a sequence; the rows between still stand in it.
 ///
 /// # Errors

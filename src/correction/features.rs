@@ -6,7 +6,7 @@
 //! | interaction | command − opening, and products of originals |
 //! | lag | originals and their difference a few periods ago, and their rates |
 //! | rolling | mean, spread, lowest and highest of the last periods |
-//! | model | what the twin says now, its derivatives, its lags and its inner signals |
+//! | model | the twin's estimate, its derivatives, its lags and its inner signals |
 //! | trend | slope over the last periods, and how much of the motion it explains |
 //!
 //! No feature holds the measured signal that is to be corrected, so that a free run needs none.
@@ -153,7 +153,7 @@ impl Feature {
         self.channel
     }
 
-    /// Whether it is a channel as it stands now.
+    /// Whether it is the present value of a channel.
     #[must_use]
     pub fn is_now(&self) -> bool {
         self.kind == FeatureKind::Now

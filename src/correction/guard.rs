@@ -47,7 +47,7 @@ pub struct GuardCounts {
     pub clamped: u64,
     /// Corrections lessened because the row lies outside the support.
     pub faded: u64,
-    /// Corrections lessened inside the support, because other processes say that they do not carry so far.
+    /// Corrections lessened inside the support, because they did not carry so far in other processes.
     pub shrunk: u64,
     /// Rows so far outside that there was no correction.
     pub outside: u64,
@@ -105,7 +105,7 @@ impl Guard {
             }
             let over = (low - value).max(value - high);
             if over > 0.0 {
-                // A feature that never moved in training has no scale: its own size, or a percent, stands in.
+                // A feature that never moved in training has no scale: its own size, or a percent, is used.
                 let side = (high - low).max(1e-2 * low.abs().max(1.0));
                 farthest = farthest.max(over / side);
             }

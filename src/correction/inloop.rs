@@ -1,6 +1,6 @@
 //! A residual inside the loop: what the twin's spool rate misses, learned over the twin's own state and given back to its control chamber.
 //!
-//! An additive residual changes what is said of the spool and leaves servomotor and regulator as they were. Here the twin itself goes
+//! An additive residual changes the estimate of the spool only; servomotor and regulator stay as they were. Here the twin itself goes
 //! on with the correction: `Q = A·Δv(state)` flows into the control chamber (area A), a [`Term`] of the plant. `Δv` is learned from runs in which
 //! the twin is pulled to the recorded spool, `Q = A·K·(x_recorded − x)`, as a Luenberger observer does (Luenberger 1971, "An
 //! introduction to observers", *IEEE Transactions on Automatic Control* 16): the pull that it takes is what the rate misses. In a free run
@@ -65,7 +65,7 @@ impl Term for Pull {
 /// Gives the spool the rate that was learned.
 #[derive(Debug)]
 pub struct LearnedSpoolRate {
-    /// Trees over [`features`]; they say a rate in m/s.
+    /// Trees over [`features`]; their output is a rate in m/s.
     pub forest: Forest,
     /// Where they know their way.
     pub guard: Guard,

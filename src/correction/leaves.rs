@@ -3,7 +3,7 @@
 //! The trees keep their splits. A row falls into one leaf of each of T trees; what is added to it is the sum of what these leaves have learned. An
 //! error e of a row is shared out among its leaves, each `+= g e / T`: normalised least mean squares (Widrow and Hoff 1960; Haykin 2002, *Adaptive
 //! Filter Theory*, chapter 6) whose regressor, one for each tree, has the norm √T. The gain g of a leaf is 1/n at its nth row, a mean, and never below that of
-//! the stated memory. Unlike a bias and a gain they follow an error that depends on where the unit stands and where it moves to.
+//! the stated memory. Unlike a bias and a gain they follow an error that depends on position and direction of motion.
 
 use super::forest::Forest;
 

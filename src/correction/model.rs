@@ -33,7 +33,7 @@ pub enum Learned {
     Signal,
 }
 
-/// A trained model and everything that says where it fits.
+/// A trained model with the conditions of its use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Model {
@@ -47,7 +47,7 @@ pub struct Model {
     pub learned: Learned,
     /// Where the opening came from in training; a model runs only where it comes from there again.
     pub opening: Opening,
-    /// What drove the twin between rows in training; a file that does not say so held them.
+    /// How inputs ran between rows in training; held if the file does not state it.
     #[serde(default, rename = "between")]
     pub rate_of_inputs: RateOfInputs,
     /// Training period, ns: the grid on which features are taken at any rate.
@@ -58,7 +58,7 @@ pub struct Model {
     pub features: Vec<String>,
     /// Where it knows its way.
     pub guard: Guard,
-    /// Around its estimates, where there were rows enough to say.
+    /// Around its estimates, if there were enough rows.
     pub band: Option<Band>,
     /// Gain of each feature in training.
     pub importance: Vec<f64>,
@@ -66,7 +66,7 @@ pub struct Model {
     pub booster: String,
     /// Hyperparameters by the booster's names.
     pub hyperparameters: BTreeMap<String, f64>,
-    /// Names of the recordings, the rows, the seed and whatever else tells how it came to be.
+    /// Its provenance: names of the recordings, rows, seed and more.
     pub training: BTreeMap<String, String>,
     /// The trees.
     pub trees: Vec<Tree>,
@@ -78,7 +78,7 @@ pub enum ModelError {
     /// The file is no model, or of another version.
     #[error("expected a residual model of schema `{SCHEMA}` that `govtwin train` wrote, found {found}")]
     Foreign {
-        /// What stands there.
+        /// What was found.
         found: String,
     },
     /// The file was cut or changed.
@@ -109,7 +109,7 @@ struct Head {
     sha256: String,
 }
 
-/// What tells one twin from another: all parameters and effects, to the last bit.
+/// What identifies a twin: all parameters and effects, to the last bit.
 #[must_use]
 pub fn fingerprint(unit: &Unit) -> String {
     let mut hash = Digest::default();
@@ -256,7 +256,7 @@ pub(super) mod tests {
     use crate::guard::Guard;
     use crate::row::{Opening, RateOfInputs};
 
-    /// A model that says 0.01 wherever the command is above a half and −0.01 elsewhere.
+    /// A model whose output is 0.01 if the command is above a half and −0.01 otherwise.
     pub fn model() -> Model {
         let features: Vec<String> = features::all().iter().map(features::Feature::name).collect();
         let count = features.len();

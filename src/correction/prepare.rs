@@ -1,13 +1,13 @@
-//! Preparation of recordings: what is missing, doubled, implausible or an outlier is found, counted and told (Liu et al. 2025, 4.1.1).
+//! Preparation of recordings: missing, doubled and implausible values and outliers are found, counted and reported (Liu et al. 2025, 4.1.1).
 //!
 //! | found | what is done |
 //! |---|---|
 //! | missing sample: the target skips its own period | counted; a window never reaches over more than 2.5 periods |
 //! | doubled row: same or earlier stamp | left out |
-//! | doubled recording: the same rows again | left out, or one of them would be tested on what the other taught |
-//! | implausible input: outside what a governor can show | the last plausible value stands in, as in the live node |
-//! | implausible target | neither taught nor judged on |
-//! | outlier of the target: one sample far off both neighbours while the servomotor rests | neither taught nor judged on |
+//! | doubled recording: the same rows again | left out, because one of them would be tested on the training rows of the other |
+//! | implausible input: outside what a governor can show | replaced by the last plausible value, as in the live node |
+//! | implausible target | used neither for training nor for testing |
+//! | outlier of the target: one sample far off both neighbours while the servomotor rests | used neither for training nor for testing |
 
 use std::ops::RangeInclusive;
 

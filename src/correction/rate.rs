@@ -2,7 +2,7 @@
 //!
 //! A model takes its past on the grid of its training period, whatever the rate of the rows (`history`). Rows that come faster cost it nothing;
 //! rows that come more slowly hold no such past, so that they are refused. Where the twin is driven on a finer grid than was recorded, the
-//! rows are there, but what happened between the recorded ones is an assumption, which is said.
+//! rows are there, but what happened between the recorded ones is an assumption, which is reported.
 
 use super::model::{Model, ModelError};
 use super::prepare::median_spacing_ns;
@@ -44,7 +44,7 @@ pub fn check_spacing(model: &Model, spacing_ns: i64) -> Result<(), ModelError> {
     })
 }
 
-/// Refuses a model for a recording as it drives the twin, and says what it assumes where the recording itself is slower than its training.
+/// Refuses a model for a recording as it drives the twin, and states what it assumes where the recording itself is slower than its training.
 ///
 /// # Errors
 /// As [`check_spacing`].

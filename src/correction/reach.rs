@@ -1,6 +1,6 @@
-//! How far a correction carries: its weight by the distance from the rows that taught, learned on folds that leave a process out.
+//! How far a correction carries: its weight by the distance from the training rows, learned on folds that leave a process out.
 //!
-//! The distance of a row is that to the nearest of some training rows, taken evenly in time, over what says where the unit runs: command, its slope,
+//! The distance of a row is that to the nearest of some training rows, taken evenly in time, over features of the operating point: command, its slope,
 //! the regulator's error, the ESV and the twin's own output, each in training standard deviations. Models are trained without each process in turn and asked about
 //! it, and on folds by time. At each level of distance the weight is the one whose worst process is best, by mean absolute error over that of the
 //! twin; a level farther out never gets more than a nearer one. So no threshold is set by hand, and where corrections of one process harm another one they are shrunk.
@@ -8,7 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What says where the unit runs; a model without one of them takes the others.
+/// Features of the operating point; a model without one of them uses the others.
 const PLACES: [&str; 6] =
     ["command_pu.mean10", "command_pu.slope5", "error_pu.mean10", "esv", "model.mean5", "model.spread5"];
 
@@ -18,7 +18,7 @@ pub const POINTS: usize = 256;
 /// Levels of distance, with equally many rows in each.
 const LEVELS: usize = 12;
 
-/// A process with fewer rows at a level has no say there.
+/// A process with fewer rows at a level does not count there.
 const FEWEST: usize = 100;
 
 /// Weights are whole multiples of one over this.
@@ -47,11 +47,11 @@ pub struct Reach {
 pub struct Unseen {
     /// The process that the model did not see, or a number behind all processes where it saw some rows of every one.
     pub group: usize,
-    /// Distance of the row from those that taught the model, in standard deviations.
+    /// Distance of the row from the training rows of the model, in standard deviations.
     pub distance: f64,
-    /// What it should have said; the coefficient's unit is the signal's.
+    /// The right correction; the coefficient's unit is the signal's.
     pub target: f64,
-    /// What it said; the coefficient's unit is the signal's.
+    /// The model's correction; the coefficient's unit is the signal's.
     pub said: f64,
     /// Half width of the band at the row; the coefficient's unit is the signal's.
     pub half_width: f64,
@@ -211,7 +211,7 @@ mod tests {
         all(&of(&[recording("a", 0, 300, |_, _| 0.01)]))
     }
 
-    /// A near row is right; a far one of process 0 is right too, one of process 1 says the opposite.
+    /// A near row is right; a far one of process 0 is right too, one of process 1 has the opposite sign.
     fn unseen(k: usize) -> Unseen {
         let far = !k.is_multiple_of(3);
         let target = 0.01 + 1e-5 * (k % 7) as f64;

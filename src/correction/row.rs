@@ -30,7 +30,7 @@ impl Opening {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RateOfInputs {
-    /// Inputs hold until the next row, as a live node holds what it heard last.
+    /// Inputs hold until the next row, as a live node holds its last inputs.
     #[default]
     Hold,
     /// Inputs run straight from row to row, as a node has them whose commands come fast.
@@ -64,7 +64,7 @@ pub enum RowChannel {
     Esv,
     /// Command − opening, pu.
     Error,
-    /// What the twin says of the signal to correct, in its unit.
+    /// The twin's estimate of the signal to correct, in its unit.
     Model,
     /// The twin's spool speed, m/s.
     SpoolSpeed,
@@ -146,7 +146,7 @@ impl RowMaker {
         self.held_pu = f64::NAN;
     }
 
-    /// The row of a frame and of what the twin said for it.
+    /// The row of a frame and of the twin's estimate for it.
     pub fn row(&mut self, frame: &Frame, estimate: &Estimate) -> ChannelRow {
         let now_pu = match self.opening {
             Opening::Simulated => estimate.signals.servomotor_position_pu,

@@ -58,13 +58,13 @@ impl Hyperparameter {
 pub struct Evaluation {
     /// Values, one for each dimension.
     pub values: Vec<f64>,
-    /// What the objective said.
+    /// The value of the objective.
     pub loss: f64,
     /// Expected improvement of the loss's logarithm when it was chosen, `null` where chance chose; a ratio.
     pub expected_gain: Option<f64>,
 }
 
-/// What the process says along one dimension, the others held at the best point.
+/// The Gaussian process along one dimension, the others at the best point.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Slice {
     /// Name of the dimension.

@@ -1,14 +1,14 @@
-//! Who teaches and who judges: 7:3 by time, and five folds by time inside the training part, without leakage.
+//! Training and test rows: 7:3 by time, and five folds by time inside the training part, without leakage.
 //!
-//! Each process is cut for itself, so that every process stands on both sides: its rows in time order, the first
-//! 70 % teach. Where a cut falls inside a recording, the rows behind it whose windows still reach across are left out on the side
-//! that judges. A fold's validation rows lie behind all its training rows of the same process (expanding window).
+//! Each process is cut by itself, so that every process is on both sides: its rows in time order, the first
+//! 70 % are for training. Where a cut falls inside a recording, the rows behind it whose windows still reach across are left out on the side
+//! for testing. A fold's validation rows lie behind all its training rows of the same process (expanding window).
 
 use super::history::PAST;
 use super::table::FeatureTable;
 use govtwin_model::recording::Process;
 
-/// Share of each process's rows that teach.
+/// Share of each process's rows for training.
 const TRAINING_SHARE: f64 = 0.7;
 
 /// Folds of the cross-validation.
@@ -17,9 +17,9 @@ const FOLDS: usize = 5;
 /// Rows by their index in the table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RowSplit {
-    /// Rows that teach.
+    /// Training rows.
     pub train: Vec<usize>,
-    /// Rows that judge.
+    /// Test rows.
     pub test: Vec<usize>,
     /// Rows left out because their windows reach across the cut.
     pub purged: usize,
@@ -37,7 +37,7 @@ pub fn seven_to_three(table: &FeatureTable) -> RowSplit {
     split
 }
 
-/// The five folds of training rows: each process in six blocks, of which the first `k` teach and the next one judges.
+/// The five folds of training rows: each process in six blocks, of which the first `k` are for training and the next one for testing.
 #[must_use]
 pub fn folds(table: &FeatureTable, train: &[usize]) -> Vec<RowSplit> {
     let mut folds = vec![RowSplit::default(); FOLDS];
@@ -50,7 +50,7 @@ pub fn folds(table: &FeatureTable, train: &[usize]) -> Vec<RowSplit> {
     folds
 }
 
-/// All rows of other processes teach, those of one judge: how far learning carries to what was never seen.
+/// All rows of other processes for training, those of one for testing: how well a model extrapolates to an unseen process.
 #[must_use]
 pub fn without_process(table: &FeatureTable, process: Process) -> RowSplit {
     without(table, &(0..table.marks.len()).collect::<Vec<_>>(), process)
@@ -83,7 +83,7 @@ fn share_of(count: usize, share: f64) -> usize {
     (count as f64 * share).round() as usize
 }
 
-/// Adds rows that teach, and those behind them that judge but for the ones whose windows reach across.
+/// Adds training rows, and the later ones for testing except those whose windows reach across.
 fn judge_behind(table: &FeatureTable, train: &[usize], behind: &[usize], split: &mut RowSplit) {
     split.train.extend(train);
     let reach_ns = i64::try_from(PAST).unwrap_or(i64::MAX).saturating_mul(table.layout.period_ns);
@@ -117,7 +117,7 @@ mod tests {
         table
     }
 
-    /// Judging rows whose windows hold a row that taught, or that lie before one of their process.
+    /// Test rows whose windows contain a training row, or that are before one of their process.
     fn leaks(table: &FeatureTable, split: &RowSplit) -> usize {
         let reach_ns = i64::try_from(PAST).unwrap() * table.layout.period_ns;
         let leaks = |&&row: &&usize| {

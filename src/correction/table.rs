@@ -1,4 +1,4 @@
-//! Rows of features with their targets: recordings and what a twin says of them, made into what can be learned.
+//! Rows of features with their targets, made from recordings and a twin's estimates for them.
 
 use super::corrector::motion;
 use super::features::{self, Feature};
@@ -37,7 +37,7 @@ pub struct RowMark {
     pub time_ns: i64,
     /// What was measured; the coefficient's unit is the signal's.
     pub measured: f64,
-    /// What the twin says; the coefficient's unit is the signal's.
+    /// The twin's estimate; the coefficient's unit is the signal's.
     pub model: f64,
     /// How far the twin moved over the last five periods; the coefficient's unit is the signal's.
     pub motion: f64,
@@ -206,7 +206,7 @@ pub(super) mod tests {
         broken.frames[20].measured.spool_position_pu = f64::NAN;
         broken.frames[30].inputs.opening_command_pu = f64::NAN;
         let table = of(&[broken]);
-        // The command of one row stands in the windows of the next nine.
+        // The command of one row is in the windows of the next nine.
         assert_eq!((table.marks.len(), table.left_out), (39, 10));
         assert!(table.marks[..29].iter().all(|mark| (mark.residual() - 0.01).abs() < 1e-12));
         assert_eq!(table.row(3).len(), table.layout.features.len());

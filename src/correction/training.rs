@@ -66,7 +66,7 @@ pub fn at(point: &[f64]) -> Hyperparameters {
     }
 }
 
-/// What the rows are to teach.
+/// The target of training.
 #[must_use]
 pub fn targets(table: &FeatureTable, rows: &[usize], learned: Learned) -> Vec<f64> {
     let of = |&row: &usize| match learned {
@@ -106,7 +106,7 @@ pub(crate) fn out_of_fold(
     Ok(missed(table, folds, learned, with, seed)?.concat())
 }
 
-/// The same fold by fold; a fold with too few rows to teach gives none.
+/// The same fold by fold; a fold with too few training rows gives none.
 fn missed(
     table: &FeatureTable,
     folds: &[RowSplit],
@@ -119,7 +119,7 @@ fn missed(
         return Err(TrainError::TooFew { found: most });
     }
     let of = |fold: &RowSplit| -> Result<Vec<(usize, f64)>, TrainError> {
-        // The first folds of few recordings may be too short to teach anything.
+        // The first folds of few recordings may be too short for training.
         if fold.train.len() < FEWEST_ROWS {
             return Ok(vec![]);
         }
@@ -135,14 +135,14 @@ fn missed(
 /// What bounds corrections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GuardKind {
-    /// The range of each feature, and of the corrections, among the rows that teach.
+    /// The range of each feature, and of the corrections, in the training rows.
     Range,
     /// That, and the distance from those rows, with weights learned on folds that leave a process out: models of their own, trained for nothing
     /// else.
     Processes,
 }
 
-/// The guard of rows that teach, with the reach that it asks for where they are of two processes or more, and the band that goes with it.
+/// The guard of training rows, with the required reach if they are of two processes or more, and its band.
 ///
 /// # Errors
 /// As [`grow`].
@@ -270,7 +270,7 @@ mod tests {
         Hyperparameters { num_iterations: 80, learning_rate: 0.15, ..Hyperparameters::MANUAL }
     }
 
-    /// A gap that the features can tell: the sign of the command's error against its middle.
+    /// A gap that the features determine: the sign of the command's error against its middle.
     fn gap(frame: &govtwin_model::frame::Frame, _: f64) -> f64 {
         if frame.inputs.opening_command_pu > 0.4 { 0.02 } else { -0.01 }
     }

@@ -170,7 +170,7 @@ pub struct MeasureFound {
     pub value: Option<Interval>,
     /// Movements, strokes or stretches that it rests on.
     pub events: usize,
-    /// Why there is none, or what to know of it; empty where there is nothing to say.
+    /// Why there is none, or a note on it; empty otherwise.
     pub note: String,
 }
 

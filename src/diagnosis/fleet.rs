@@ -2,7 +2,7 @@
 //!
 //! [`plan`] turns recordings that were found into entries, [`entry`] knows an entry and the key of its result, [`result`] what is kept
 //! of a diagnosis, [`gathered`] the fleet as a whole, and `ageing` which sizes changed over time. All of it is pure: what reads
-//! recordings, stores and clocks stands in the command.
+//! recordings, stores and clocks is in the command.
 
 pub mod ageing;
 pub mod changes;

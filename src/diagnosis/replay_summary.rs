@@ -25,13 +25,13 @@
 //!
 //! A SIGNAL is `{"name": "spool_position_pu", "unit": "pu", "stands_in": false, "rows": 1250,
 //! "left_out": 0, "mae": …, "rmse": …, "r2": …, "bias": …, "max_abs": …}`: figures of
-//! [`govtwin_model::metrics`] in the unit, `null` where the data cannot say or the signal stands in at the
+//! [`govtwin_model::metrics`] in the unit, `null` where the data do not determine it or the signal replaces the simulated one at the
 //! cut. `bias` is simulated − measured. Figures of processes and overall are over all their rows.
 //! `residual` is there where a learned residual corrected the twin; its groups are the corrected figures;
 //! `adaptation` is `null` where it did not adapt.
 //! `ladder` is there where further units or residuals were given; its groups are the figures of each.
-//! `changed` holds what differs from the shipped unit. `origin` is what the bag's folder says of
-//! where its data comes from, `null` where it says nothing. `provenance` is
+//! `changed` holds what differs from the shipped unit. `origin` is the origin of the data
+//! that the bag's folder states, `null` if it states none. `provenance` is
 //! [`govtwin_model::provenance::Provenance`]. Keys may be added to a version, and never change their meaning. The same bags and
 //! parameters give the same bytes but for the date in `provenance`.
 
@@ -140,7 +140,7 @@ pub struct Effect {
     pub parameters: BTreeMap<&'static str, f64>,
 }
 
-/// Where a recording came from, and what its reader had to say.
+/// The source of a recording, and the warnings of its reader.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecordingSource {
     /// The path as given.

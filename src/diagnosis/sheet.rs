@@ -1,8 +1,8 @@
-//! A data sheet from a name plate: what stands on the plate and in the manual, the rest by stated formulas with wide tolerances.
+//! A data sheet from a name plate: the items of plate and manual, the rest by stated formulas with wide tolerances.
 //!
-//! [`Plate`] holds what is known, [`derive()`] makes a whole [`Unit`](govtwin_model::parameters::Unit) of it and says of every value where it comes
-//! from. Laws of similarity tie what no plate says to what it does: flows, areas and volumes of a valve scale with the flow that it has to
-//! pass, forces with pressure times area. [`matter`] finds what it would help most to know; [`recorded`] reads off recordings what no plate says.
+//! [`Plate`] holds what is known, [`derive()`] makes a whole [`Unit`](govtwin_model::parameters::Unit) of it with the source of every
+//! value. Laws of similarity tie missing values to given ones: flows, areas and volumes of a valve scale with the flow that it has to
+//! pass, forces with pressure times area. [`matter`] finds what it would help most to know; [`recorded`] estimates missing items from recordings.
 
 mod derive;
 pub mod item;

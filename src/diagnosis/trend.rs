@@ -16,10 +16,10 @@
 //! section 2.6): one side lasts (e^{2k(h + 1.166)} − 2k(h + 1.166) − 1) / (2k²) estimates on average, both sides half as long. Growth that is slow
 //! against the distance of the estimates drags the mean along and is seen later than a jump.
 //!
-//! Scores of few estimates are small: the first of a group says nothing, and one wild estimate alone raises no alarm, however wild.
+//! Scores of few estimates are small: the first of a group counts nothing, and one outlier alone raises no alarm, however large.
 //!
 //! Groups are for estimates that differ although nothing moves, such as those of different kinds of process: each group has its own mean and ranks,
-//! and the sums, which see standard normal numbers alone, gather what all of them say.
+//! and the sums, which see standard normal numbers alone, combine all of them.
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -189,7 +189,7 @@ pub fn chart(estimates: &[SizeEstimate], between_false_alarms: f64) -> Vec<Chart
         sums.take(z);
         growth_since = growth_since.or(Some(i)).filter(|_| sums.growth > 0.0);
         shrinkage_since = shrinkage_since.or(Some(i)).filter(|_| sums.shrinkage > 0.0);
-        // What has moved is no part of where it stood.
+        // Estimates after the change are no part of the reference.
         if !moved {
             group.take(one.size, sd);
         }
@@ -208,7 +208,7 @@ mod tests {
 
     use super::{ChartPoint, SizeEstimate, chart, limit};
 
-    /// Estimates of a size that moves as told, with intervals that are `stated` times as wide as they should be.
+    /// Estimates of a size that moves as given, with intervals that are `stated` times as wide as they should be.
     fn estimates(seed: u64, count: usize, stated: f64, size: impl Fn(usize) -> f64) -> Vec<SizeEstimate> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let normal = Normal::new(0.0, 1.0).unwrap();
@@ -290,7 +290,7 @@ mod tests {
     fn groups_that_differ_keep_the_rate_and_growth_in_all_of_them_adds_up() {
         let alarms =
             (0..400).filter(|&seed| first_alarm(&chart(&grouped(seed, 100, |_| 1.0), 200.0)).is_some()).count();
-        // Each group's first estimates say little, which makes it fewer than the 39 % of a chart that lasts 200 on average.
+        // Each group's first estimates count little, which makes it fewer than the 39 % of a chart that lasts 200 on average.
         let share = alarms as f64 / 400.0;
         assert!((0.22..0.44).contains(&share), "{share}");
         // A step of one deviation or two, by group, is seen within a few estimates of all groups together, not of each.

@@ -1,4 +1,4 @@
-//! A diagnosis in sentences: what each effect, stage and value is called, and what the verdict says.
+//! A diagnosis in sentences: readable names of effects, stages and values, and the verdict.
 
 use crate::result::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
 use govtwin_model::effects::{self, Stage};
@@ -22,7 +22,7 @@ pub fn probability(share: f64) -> String {
     }
 }
 
-/// A share with its interval, as percentages; what leaves everything open is no figure.
+/// A share with its interval, as percentages; no figure if the interval excludes nothing.
 pub fn percents(interval: Interval) -> String {
     if interval.leaves_all_open() {
         return "undetermined".to_owned();
@@ -31,7 +31,7 @@ pub fn percents(interval: Interval) -> String {
     format!("{} [{}, {}]", percent(interval.value), plain(interval.low), plain(interval.high))
 }
 
-/// How much of the error an explanation takes, `subject` with its verb: `the fault`, `explains`.
+/// How much of the error is explained, `subject` with its verb: `the fault`, `explains`.
 pub fn explained(explained_fraction: Interval, [subject, explains]: [&str; 2]) -> String {
     let error = "the squared error that recalibration leaves beyond noise";
     if explained_fraction.leaves_all_open() {
@@ -84,7 +84,7 @@ pub fn id_words(id: &str) -> String {
     }
 }
 
-/// What an effect is, without the full stop: the summary of its file, or what its owner says.
+/// What an effect is, without the full stop: from its documentation, or from its owner's definition.
 pub fn cause(diagnosis: &Diagnosis, id: &str) -> String {
     let summary = match effects::find(id) {
         Some(spec) => spec.head().summary,
@@ -109,7 +109,7 @@ pub fn symptom(id: &str) -> String {
         .iter()
         .map(|[symbol, meaning, _]| (bare(symbol), meaning))
         .filter(|(symbol, _)| words.contains(&symbol.as_str()))
-        // The meaning ends in the parameter's key, which says nothing here.
+        // The meaning ends in the parameter's key, which is not shown here.
         .map(|(symbol, meaning)| format!("{symbol}: {}", meaning.split('`').next().unwrap_or_default().trim()))
         .collect();
     let meant = if meant.is_empty() { String::new() } else { format!(" ({})", meant.join("; ")) };
@@ -132,7 +132,7 @@ pub fn parameter_words(key: &str, unit: &str) -> String {
     key.strip_suffix(suffix.as_str()).unwrap_or(key).replace('_', " ")
 }
 
-/// The unit in which people say a value: what is a share of something, or more by such a share, in percent.
+/// The unit in which a value is shown: shares, and excesses by a share, in percent.
 pub fn shown_unit<'a>(key: &str, unit: &'a str) -> &'a str {
     let is_share = ["_share", "extra_ratio", "_excess"].iter().any(|end| key.ends_with(end));
     if unit == "1" && is_share { "pu" } else { unit }
@@ -151,7 +151,7 @@ pub fn key_words(key: &str) -> String {
     size_words(of, parameter, unit)
 }
 
-/// A sentence in which keys of the sheet and ids of effects stand as words; what is to be typed, between backticks, stays.
+/// A sentence with keys of the sheet and ids of effects replaced by readable names; code between backticks stays.
 pub fn in_words(text: &str) -> String {
     let is_part = |c: char| c.is_ascii_alphanumeric() || "_.".contains(c);
     let word = |name: &str| {
@@ -242,7 +242,7 @@ pub fn is_judged(gap: &SignalGap) -> bool {
     [gap.noise_floor, gap.delivered, gap.refitted].iter().any(|value| *value != 0.0)
 }
 
-/// How far off the twins are: with the data sheet, recalibrated, with faults, and what noise alone makes.
+/// RMS errors of the twins: with the data sheet, recalibrated, with faults, and of noise alone.
 pub fn errors(diagnosis: &Diagnosis) -> String {
     let positions = diagnosis.gap.iter().filter(|gap| gap.signal != Signal::ControlPressure && is_judged(gap));
     let said: Vec<String> = positions
@@ -262,7 +262,7 @@ pub fn errors(diagnosis: &Diagnosis) -> String {
     if said.is_empty() { String::new() } else { format!("RMS error: {}.", said.join("; ")) }
 }
 
-/// How far what is left lies above the noise, signal by signal: 1 is a right twin.
+/// The remaining error in multiples of the noise, signal by signal: 1 is a right twin.
 pub fn over_noise(diagnosis: &Diagnosis) -> String {
     let known = |gap: &&SignalGap| gap.noise_floor > 0.0 && gap.signal != Signal::ControlPressure;
     let left = |gap: &SignalGap| if diagnosis.blamed.is_empty() { gap.refitted } else { gap.with_effects };
@@ -326,7 +326,7 @@ pub fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
     )
 }
 
-/// That what is named is probably not all.
+/// The note that the named effects are probably not all.
 pub fn besides(diagnosis: &Diagnosis) -> Option<String> {
     let named = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class);
     let unknown = diagnosis.ranking.iter().find(|ranked| ranked.id == "unknown" && ranked.probability > 0.5);

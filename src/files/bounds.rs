@@ -44,7 +44,7 @@ pub fn check_yaml(text: &str) -> Result<(), YamlBoundError> {
     Ok(())
 }
 
-/// Where `&` or `*` stands at the beginning of a word, as an anchor or alias does.
+/// Positions of `&` or `*` at the beginning of a word, as in an anchor or alias.
 fn aliases(text: &str) -> usize {
     let mut before = b' ';
     let mut found = 0;

@@ -52,7 +52,7 @@ pub enum ClaimError {
     },
 }
 
-/// A folder in which, or a name under which, no other process writes as long as this stands. Where nothing came of it, what it made goes again.
+/// A folder in which, or a name under which, no other process writes as long as this exists. If nothing was written, what it made is removed.
 #[derive(Debug)]
 pub struct Claim {
     /// Open, and so locked.
@@ -112,7 +112,7 @@ impl Claim {
                 Ok(()) => return Ok(Self { _lock: lock, path, made }),
                 Err(error) if error.kind() == io::ErrorKind::ResourceBusy => return Err(busy(path)),
                 Err(error) => {
-                    // Of who removes it nobody else can have it: it was made here, or left.
+                    // No other process can hold it: it was made here, or is a leftover.
                     let _ = made.first().map(|_| fs::remove_file(&path));
                     remove_empty(&made);
                     return Err(refused(error));
@@ -131,7 +131,7 @@ impl Claim {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        // Still locked, so that nobody has it; nobody is left to hear of a failure to clean up.
+        // Still locked, so that no process has it; a failure to clean up cannot be reported any more.
         let _ = fs::remove_file(&self.path);
         remove_empty(&self.made);
     }
@@ -152,7 +152,7 @@ fn remove_empty(made: &[PathBuf]) {
     }
 }
 
-/// What stands where a folder should be, or one of those above it.
+/// What is in the place of a folder, or of one above it.
 fn not_a_folder(folder: &Path) -> Option<ClaimError> {
     let place = folder.ancestors().find(|place| fs::symlink_metadata(place).is_ok())?;
     let found = match fs::metadata(place) {
@@ -183,7 +183,7 @@ mod tests {
         fs::write(out.join(".govtwin-gone.tmp"), "half").unwrap();
         drop(claim);
         assert!(out.join("report.json").exists());
-        // What a killed process leaves, its lock included, is in nobody's way.
+        // Leftovers of a killed process, its lock included, block no other process.
         fs::write(out.join(LOCK), "").unwrap();
         drop(Claim::folder(&out).unwrap());
         assert_eq!(fs::read_dir(&out).unwrap().count(), 1, "only the report");
@@ -201,7 +201,7 @@ mod tests {
         fs::write(at("run"), "whole").unwrap();
         drop(claim);
         assert_eq!(fs::read_dir(at("")).unwrap().count(), 1, "only what was written");
-        // What a killed process leaves is in nobody's way, and goes with the next, of this name or of another in the folder.
+        // Leftovers of a killed process block no other process, and are removed with the next, of this name or of another in the folder.
         fs::write(at(".govtwin-run.lock"), "").unwrap();
         drop(Claim::name(&at("run")).unwrap());
         assert_eq!(fs::read_dir(at("")).unwrap().count(), 1);

@@ -1,4 +1,4 @@
-//! A file that appears whole or not at all, and only where nothing stands yet: of two who write it at once, one does.
+//! A file that appears whole or not at all, and only if none exists: of two writers at once, one does.
 
 use std::io::{self, Write as _};
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::temporary::temporary_file;
 /// Makes a folder and those above it, where they are missing.
 ///
 /// # Errors
-/// What the file system says; the standard library would say of a folder that cannot be looked at that it exists.
+/// The file system's error; the standard library reports that a folder exists that cannot be read.
 pub fn make_folder(folder: &Path) -> io::Result<()> {
     if look_at(folder)?.is_some_and(|kind| kind.is_dir()) {
         return Ok(());
@@ -21,11 +21,11 @@ pub fn make_folder(folder: &Path) -> io::Result<()> {
     std::fs::create_dir_all(folder)
 }
 
-/// Writes a file where nothing stands under its name; missing folders on the way are made. Says whether it was written: false where
-/// something stands there, which is left as it is.
+/// Writes a file if none has its name; missing folders on the way are made. Returns whether it was written: false if
+/// something has the name, which stays as it is.
 ///
 /// # Errors
-/// What the file system says.
+/// The file system's error.
 pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<bool> {
     let folder = folder_of(path);
     step()?;

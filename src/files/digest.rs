@@ -1,4 +1,4 @@
-//! SHA-256 as text: what tells one content from another.
+//! SHA-256 as text, which identifies contents.
 
 use sha2::{Digest as _, Sha256};
 

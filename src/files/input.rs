@@ -6,7 +6,7 @@ use std::path::Path;
 use super::journal::settle;
 use super::regular::{bounded_bytes, bounded_text};
 
-/// Reads a regular file of at most so many bytes, however long it says it is. Where a report was broken off while its files took their
+/// Reads a regular file of at most so many bytes, whatever its stated size. Where a report was broken off while its files took their
 /// names, it is completed first.
 ///
 /// # Errors

@@ -1,5 +1,5 @@
 //! Files and folders of one report take their names together even where the process is killed between two of them: what is to be done
-//! stands in a journal first, and who comes next completes it.
+//! is in a journal first, and the next command completes it.
 
 use std::fs::{self, File};
 use std::io;
@@ -75,7 +75,7 @@ pub fn journalled<R>(
     file.add(&path, &serde_json::to_vec(&journal).map_err(io::Error::other)?)?;
     file.place()?;
     if let Err(error) = sync(folder) {
-        // Nothing was done, and nobody may do it later.
+        // Nothing was done, and no later command may do it.
         fs::remove_file(&path)?;
         return Err(error);
     }

@@ -1,7 +1,7 @@
 //! Files and folders that come out whole: written under temporary names, held against a second writer, placed together.
 //!
-//! A name that a reader may meet always stands for something whole. What is in the making has a name of its own for each process,
-//! `.govtwin-*.tmp`, and is locked; so what a killed process left is known by nobody holding it, and is removed by the next
+//! Every final name has complete contents. What is in the making has a name of its own for each process,
+//! `.govtwin-*.tmp`, and is locked; so leftovers of a killed process are recognised by their free lock, and are removed by the next
 //! [`Claim`] of the folder. The files of one report take their names together even where the process is killed between two of them: by
 //! a journal, [`journalled`].
 
@@ -36,7 +36,7 @@ pub use together::Together;
 /// Writes a file, whole or not at all; missing folders on the way are made.
 ///
 /// # Errors
-/// What the file system says; an older file of that name is then untouched.
+/// The file system's error; an older file of that name is then untouched.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     remove_abandoned(folder_of(path));
     let mut files = Together::default();

@@ -14,7 +14,7 @@ const MARK: &[u8] = b"govtwin";
 /// Larger files are none of this program's reports.
 const LARGEST_BYTES: u64 = 1 << 30;
 
-/// What stands in the place of a file.
+/// What is in the place of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// Nothing, or an empty file.
@@ -27,10 +27,10 @@ pub enum Place {
     Folder,
 }
 
-/// What stands in the place of a file, links followed.
+/// What is in the place of a file, links followed.
 ///
 /// # Errors
-/// Where the file system does not say, or something else than a file or folder stands there.
+/// If the file system refuses to answer, or something else than a file or folder is there.
 pub fn place_of(path: &Path) -> io::Result<Place> {
     Ok(match look_at(path)? {
         None => Place::Free,
@@ -48,7 +48,7 @@ pub fn place_of(path: &Path) -> io::Result<Place> {
 /// Sees whether a file can be made at a path, by one that goes at once; folders that are missing on the way stay so.
 ///
 /// # Errors
-/// What the file system says.
+/// The file system's error.
 pub fn try_place(path: &Path) -> io::Result<()> {
     for folder in folder_of(path).ancestors().filter(|folder| *folder != Path::new("")).chain([Path::new(".")]) {
         match look_at(folder)? {

@@ -7,7 +7,7 @@ use std::path::Path;
 /// Refuses pipes, devices and sockets, which may never end, or wait for ever, or do something when read.
 ///
 /// # Errors
-/// What the file system says, and what was found instead of a regular file.
+/// The file system's error, and what was found instead of a regular file.
 pub fn check_regular(path: &Path) -> io::Result<Metadata> {
     let kind = std::fs::metadata(path)?;
     match describe(&kind) {
@@ -22,7 +22,7 @@ pub fn check_regular(path: &Path) -> io::Result<Metadata> {
 /// What is at a path, links followed; none where nothing is there.
 ///
 /// # Errors
-/// Where the file system does not say, which is no reason to take something for absent.
+/// If the file system refuses to answer, which does not mean that a file is absent.
 pub fn look_at(path: &Path) -> io::Result<Option<Metadata>> {
     found(std::fs::metadata(path))
 }
@@ -62,7 +62,7 @@ pub(super) fn describe(kind: &Metadata) -> Option<&'static str> {
     (!kind.is_file()).then_some(if kind.is_dir() { "a folder" } else { "something else" })
 }
 
-/// Reads a regular file of at most so many bytes, however long it says it is.
+/// Reads a regular file of at most so many bytes, whatever its stated size.
 pub(super) fn bounded_bytes(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
     let stated_bytes = check_regular(path)?.len();
     let mut bytes = vec![];

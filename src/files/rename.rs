@@ -8,7 +8,7 @@ use super::fault::step;
 /// Moves a file or folder to a name that is free; an empty folder there counts as free.
 ///
 /// # Errors
-/// `AlreadyExists` or `DirectoryNotEmpty` where something stands there, or what the file system says.
+/// `AlreadyExists` or `DirectoryNotEmpty` if the name is taken, or the file system's error.
 #[cfg(target_os = "linux")]
 pub fn move_new(from: &Path, to: &Path) -> io::Result<()> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -22,7 +22,7 @@ pub fn move_new(from: &Path, to: &Path) -> io::Result<()> {
 /// Moves a file or folder to a name that is free.
 ///
 /// # Errors
-/// `AlreadyExists` where something stands there, or what the file system says.
+/// `AlreadyExists` if the name is taken, or the file system's error.
 #[cfg(not(target_os = "linux"))]
 pub fn move_new(from: &Path, to: &Path) -> io::Result<()> {
     step()?;
@@ -32,7 +32,7 @@ pub fn move_new(from: &Path, to: &Path) -> io::Result<()> {
 /// Lets two files or folders change names.
 ///
 /// # Errors
-/// What the file system says; then both have the names that they had.
+/// The file system's error; then both have the names that they had.
 #[cfg(target_os = "linux")]
 pub fn exchange(one: &Path, other: &Path) -> io::Result<()> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -46,7 +46,7 @@ pub fn exchange(one: &Path, other: &Path) -> io::Result<()> {
 /// Lets two files or folders change names.
 ///
 /// # Errors
-/// What the file system says; then both have the names that they had, unless that fails, too.
+/// The file system's error; then both have the names that they had, unless that fails, too.
 #[cfg(not(target_os = "linux"))]
 pub fn exchange(one: &Path, other: &Path) -> io::Result<()> {
     step()?;
@@ -67,7 +67,7 @@ fn exchange_in_steps(one: &Path, other: &Path) -> io::Result<()> {
     third.push(".old");
     std::fs::rename(other, &third)?;
     if let Err(error) = std::fs::rename(one, other) {
-        // What stood there goes back; should even that fail, it still stands under the third name.
+        // The older file goes back; should even that fail, it keeps the third name.
         let _ = std::fs::rename(&third, other);
         return Err(error);
     }

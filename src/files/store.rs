@@ -1,6 +1,6 @@
 //! Where recordings are read and results are kept: a folder, or an object store.
 //!
-//! A store is flat: objects by paths with `/`, each appearing whole or not at all. [`Store::create`] writes an object where none stands,
+//! A store is flat: objects by paths with `/`, each appearing whole or not at all. [`Store::create`] writes an object if none exists,
 //! in one step for all who write at once; all that several workers agree on rests on it. The object stores need the feature `cloud`, and
 //! `store/remote.rs` alone knows their library.
 
@@ -170,15 +170,15 @@ impl Store {
         either!(self, store => store.fetch(path, to))
     }
 
-    /// Writes an object, in place of what stands there.
+    /// Writes an object, replacing an existing one.
     ///
     /// # Errors
-    /// Where the store refuses; what stood there is then untouched.
+    /// Where the store refuses; an existing object is then untouched.
     pub fn put(&self, path: &str, bytes: &[u8]) -> Result<(), StoreError> {
         either!(self, store => store.put(path, bytes))
     }
 
-    /// Writes an object where none stands; says whether it did. Of several who do so at once, one does.
+    /// Writes an object if none exists; returns whether it did. Of several who do so at once, one does.
     ///
     /// # Errors
     /// Where the store refuses, or does not know how.

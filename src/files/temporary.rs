@@ -16,7 +16,7 @@ const PREFIX: &str = ".govtwin-";
 const SUFFIX: &str = ".tmp";
 /// What ends the name of the file that is locked for another's name.
 const LOCK_SUFFIX: &str = ".lock";
-/// A name of up to so many bytes stands in that of its lock as it is.
+/// A name of up to so many bytes is part of its lock's name unchanged.
 const LONGEST_NAME: usize = 200;
 
 /// A file under a temporary name in a folder, held; whoever may read new files of this user may read it.
@@ -38,7 +38,7 @@ impl Scratch {
     /// Makes an empty one.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The file system's error.
     pub fn new() -> io::Result<Self> {
         builder().tempfile().map(Self)
     }
@@ -63,7 +63,7 @@ impl Write for Scratch {
 /// Makes a folder under a temporary name in another. It counts as left over once no file in it is held.
 ///
 /// # Errors
-/// What the file system says.
+/// The file system's error.
 pub fn temporary_folder(parent: &Path) -> io::Result<PathBuf> {
     let mut builder = builder();
     #[cfg(unix)]
@@ -81,7 +81,7 @@ fn builder() -> Builder<'static, 'static> {
 /// Locks a file against whoever asks [`is_held`], until it is closed; a file system without locks does without.
 ///
 /// # Errors
-/// Where somebody else holds it, or what the file system says.
+/// If another process holds it, or the file system's error.
 pub fn hold(file: &File) -> io::Result<()> {
     step()?;
     match file.try_lock() {
@@ -137,15 +137,15 @@ fn is_temporary_name(name: &OsStr) -> bool {
     name.starts_with(PREFIX.as_bytes()) && name.ends_with(SUFFIX.as_bytes())
 }
 
-/// What another process makes is held within moments; older than this and held by nobody, it was left.
+/// The files of another process are locked within moments; an unlocked one older than this is a leftover.
 const YOUNG: Duration = Duration::from_secs(60);
 
-/// Removes the temporary files and folders in a folder that nobody holds; only for who has claimed it, or one above it.
+/// Removes the temporary files and folders in a folder that no process holds; only for a process that has claimed it, or one above it.
 pub fn remove_stale(folder: &Path) {
     remove(folder, |_| true);
 }
 
-/// The same for a folder that nobody claims, such as one that many write bags into: only what has stood there for a minute.
+/// The same for a folder that is not claimed, such as one that many processes write bags into: only what is a minute old.
 pub fn remove_abandoned(folder: &Path) {
     let is_old = |entry: &fs::DirEntry| {
         let changed = entry.metadata().and_then(|data| data.modified());
@@ -166,7 +166,7 @@ fn remove(folder: &Path, counts: impl Fn(&fs::DirEntry) -> bool) {
         if !ours || !counts(&entry) || is_held(&path) {
             continue;
         }
-        // What cannot be removed disturbs nobody but by its room.
+        // What cannot be removed only takes room.
         let _ = if kind.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
     }
 }
@@ -176,11 +176,11 @@ fn is_lock_name(name: &OsStr) -> bool {
     name.starts_with(PREFIX.as_bytes()) && name.ends_with(LOCK_SUFFIX.as_bytes())
 }
 
-/// Removes a lock that nobody holds, and holds it meanwhile: who opened it before finds that it is no longer there.
+/// Removes a lock that no process holds, and holds it meanwhile: a process that opened it before finds that it is gone.
 fn remove_lock(path: &Path) {
     let Ok(file) = File::open(path) else { return };
     if file.try_lock().is_ok() && is_at(&file, path) {
-        // What cannot be removed disturbs nobody.
+        // What cannot be removed does no harm.
         let _ = fs::remove_file(path);
     }
 }

@@ -22,7 +22,7 @@ impl Together {
     /// Writes a file under a temporary name beside its own; missing folders on the way are made.
     ///
     /// # Errors
-    /// What the file system says, and where no file can have that name.
+    /// The file system's error, and names that no file can have.
     pub fn add(&mut self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         let folder = folder_of(path);
         step()?;
@@ -47,10 +47,10 @@ impl Together {
     }
 
     /// Gives all files their names, in the order in which they were added. Where one cannot have its own, those before it are taken
-    /// back, and what stood there stands there again.
+    /// back, and the older files are restored.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The file system's error.
     pub fn place(self) -> io::Result<()> {
         let mut placed: Vec<(TempPath, PathBuf, bool)> = Vec::new();
         // The files stay open, and so held, until all have their names.

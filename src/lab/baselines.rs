@@ -1,7 +1,7 @@
 //! Plain ways to find the effect, against which the diagnosis must prove itself.
 //!
 //! All get what the diagnosis gets: simulator, tolerances, noise model, the nominal model refitted. They differ in the rule that
-//! turns residuals into a verdict. None can say `unknown` but by finding nothing.
+//! turns residuals into a verdict. None reports `unknown` unless it finds nothing.
 
 pub(crate) mod bank;
 pub(crate) mod free;

@@ -87,7 +87,7 @@ impl CaseKind {
 /// One case, before it is made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// Name of its folder; says nothing of what is in it.
+    /// Name of its folder, which does not hint at its faults.
     pub name: String,
     /// What is in it.
     pub kind: CaseKind,
@@ -97,7 +97,7 @@ pub struct Case {
     pub rich: bool,
     /// Decides all else.
     pub seed: u64,
-    /// Of a servomotor stage alone, whether it is judged with a data sheet; none of a whole chain.
+    /// Of a servomotor stage alone, whether it is diagnosed with a data sheet; none of a whole chain.
     pub alone: Option<bool>,
 }
 
@@ -133,9 +133,9 @@ pub struct Label {
     pub effects: Vec<TrueFault>,
     /// Whether the catalogue that the diagnosis may use holds all of it.
     pub listed: bool,
-    /// How far the strongest signal moves over its noise floor, RMS; NaN where nobody measured it, 0 for a sound unit.
+    /// How far the strongest signal moves over its noise floor, RMS; NaN if it was not measured, 0 for a fault-free unit.
     pub strength_ratio: f64,
-    /// Rate of the recordings, Hz; NaN where nobody said.
+    /// Rate of the recordings, Hz; NaN if it is not known.
     pub rate_hz: f64,
 }
 
@@ -177,7 +177,7 @@ pub fn label(unit: &Unit, case: &Case) -> Label {
     unmeasured(case, bench(unit, case).1)
 }
 
-/// How far the strongest signal of a case moves over its noise floor, RMS: every process is simulated three times. Of stages alone nobody measures it.
+/// How far the strongest signal of a case moves over its noise floor, RMS: every process is simulated three times. Of stages alone it is not measured.
 #[must_use]
 pub fn strength(unit: &Unit, case: &Case) -> f64 {
     if case.alone.is_some() {

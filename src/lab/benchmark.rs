@@ -1,6 +1,6 @@
 //! The benchmark: verdicts of diagnoses against what is truly in the units.
 //!
-//! The scorer is the only one that sees labels ([`crate::battery::Label`]); what it judges is [`DiagnosisReport`](govtwin_diagnosis::result::schema::DiagnosisReport), read back from
+//! The scorer is the only one that sees labels ([`crate::battery::Label`]); it scores [`DiagnosisReport`](govtwin_diagnosis::result::schema::DiagnosisReport), read back from
 //! reports, so that a diagnosis made elsewhere or long ago is scored alike.
 
 pub mod isolability;

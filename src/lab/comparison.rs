@@ -1,4 +1,4 @@
-//! The paper's comparison of models: who predicts the rows that nobody was trained on best, process by process.
+//! The paper's comparison of models: their errors on rows that none was trained on, process by process.
 //!
 //! ```json
 //! {"schema": "govtwin-comparison/1", "program": "govtwin 0.1.0", "origin": "Synthetic data: …",
@@ -23,7 +23,7 @@
 //!  "closed_loop": {"spool": [{"id": "mbm", …FIGURES}, {"id": "additive", …}, {"id": "inside", …}], "servomotor": […]}}
 //! ```
 //!
-//! FIGURES are `rows`, `mae`, `rmse` and `r2` of [`govtwin_model::metrics`], in the signal's unit, `null` where the data cannot say.
+//! FIGURES are `rows`, `mae`, `rmse` and `r2` of [`govtwin_model::metrics`], in the signal's unit, `null` where the data do not determine it.
 
 #[cfg(feature = "residual")]
 pub mod ablation;

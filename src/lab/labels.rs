@@ -1,4 +1,4 @@
-//! Label files: what is truly in the units of a folder of cases. Only a scorer reads them.
+//! Label files: the true faults of the units of a folder. Only a scorer reads them.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ pub enum LabelsError {
     Syntax {
         /// Where, counted from 1.
         line: Option<usize>,
-        /// What the YAML library says.
+        /// The message of the YAML library.
         message: String,
     },
     /// YAML, but no labels.
@@ -114,7 +114,7 @@ pub fn write(labels: &[Label]) -> String {
     text
 }
 
-/// Reads strengths by case, as [`write_strengths`] leaves them.
+/// Reads strengths by case, as [`write_strengths`] writes them.
 ///
 /// # Errors
 /// When the text is not YAML, or holds anything but numbers by case.

@@ -112,7 +112,7 @@ pub struct EffectParameter {
     pub max: f64,
     /// Value of a moderate fault: where searches start, and the scale of their steps.
     pub typical: f64,
-    /// What range and typical value are proportional to; as they stand here they are those of the reference unit.
+    /// What range and typical value are proportional to; the values given are those of the reference unit.
     pub scaling: Scaling,
     /// What it is.
     pub doc: &'static str,
@@ -139,7 +139,7 @@ pub struct EffectSpec {
     pub id: &'static str,
     /// Where it sits.
     pub stage: Stage,
-    /// The source file, whose head is the effect's documentation.
+    /// Summary, equation, symbols, symptom and limits.
     pub source: &'static str,
     /// Its parameters; [`EffectSetting::values`](crate::parameters::EffectSetting::values) has their order.
     pub parameters: &'static [EffectParameter],
@@ -254,7 +254,7 @@ impl EffectSpec {
 /// let friction = CATALOGUE.iter().find(|effect| effect.id == "spool_friction").expect("it is in the catalogue");
 /// assert_eq!(friction.stage, Stage::Spool);
 /// assert_eq!(friction.parameters.iter().map(|one| (one.name, one.unit)).collect::<Vec<_>>(), [("coulomb_n", "N"), ("static_ratio", "1")]);
-/// println!("{}", friction.head().equation);
+/// println!("{}", friction.documentation.equation);
 /// ```
 pub const CATALOGUE: &[EffectSpec] = &[
     command_delay::SPEC,
@@ -293,9 +293,10 @@ pub const CATALOGUE: &[EffectSpec] = &[
     clock_offset::SPEC,
 ];
 
-/// Effects that are tried only where the servomotor stage stands alone: no unit of a planned battery has them, so that nobody knows yet what
-/// they would take from others in the whole chain. There the regulator makes up for worn ports: in units of the battery that have them the
-/// strongest signal moves by 0.9 to 2.3 times its noise floor. Lag and saturation behind a recorded valve signal are no part of a simulated spool.
+/// Effects that are tried only for a servomotor stage alone. No generated unit of the benchmark has them in its list of faults, so it is not
+/// known how much probability they would take from others in the whole chain. There the regulator compensates worn ports: in generated units
+/// that have them the strongest signal changes by 0.9 to 2.3 times its noise floor. Lag and saturation of a recorded valve signal are no part
+/// of a simulated spool.
 pub const STAGE_ALONE: &[&str] = &["valve_lag", "flow_saturation", "port_wear", "port_asymmetry"];
 
 /// The effects that are tried in the whole chain.
@@ -330,7 +331,7 @@ pub fn find_in(unit: &Unit, id: &str) -> Option<&'static EffectSpec> {
 /// Builds a unit's effects into its plant in the catalogue's order, so that the order of the list does not matter;
 /// then the owner's.
 ///
-/// Settings that nobody knows, and definitions that are not right, change nothing: they are for the edge to refuse. Takes no lock.
+/// Settings of unknown effects, and invalid definitions, change nothing: the edge refuses them. Takes no lock.
 pub fn apply(unit: &Unit, plant: &mut Plant) {
     for spec in CATALOGUE {
         for setting in unit.effects.iter().filter(|setting| setting.id == spec.id) {

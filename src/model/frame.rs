@@ -1,4 +1,4 @@
-//! The row that flows: what a twin reads and what it says, at one instant.
+//! One row of data: what a twin reads and what it estimates, at one instant.
 
 /// State of the emergency shutdown valve (ESV).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -21,7 +21,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Takes what is finite of new inputs; the rest stays in force.
+    /// Takes the finite ones of new inputs; the others keep their values.
     pub fn renew(&mut self, new: &Self) {
         self.esv = new.esv;
         if new.opening_command_pu.is_finite() {
@@ -70,7 +70,7 @@ pub struct Frame {
     pub measured: Signals,
 }
 
-/// What a twin says the servo system does at one instant.
+/// The state of the servo system that a twin estimates for one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     /// Time for which it holds, ns; equal to the frame's.

@@ -9,7 +9,7 @@
 //! R²   = 1 − Σ (y − ŷ)² / Σ (y − ȳ)²
 //! ```
 //!
-//! A pair in which either side is not finite says nothing about the error: it is left out and counted.
+//! A pair in which either side is not finite is left out and counted.
 
 /// The middle value, the upper one of two; NaN of none.
 #[must_use]
@@ -115,7 +115,7 @@ impl Accumulator {
     }
 }
 
-/// The figures of one signal, in the signal's unit; NaN where the data cannot say.
+/// The figures of one signal, in the signal's unit; NaN where the data do not determine it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Figures {

@@ -4,7 +4,7 @@ mod channels;
 
 pub use channels::{ChannelReading, ChannelReadings};
 
-/// One row of the table: where a parameter lives, its unit, and the range that physics allows.
+/// One row of the table: the place of a parameter, its unit, and the range that physics allows.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
 pub struct ParameterEntry {
@@ -280,7 +280,7 @@ pub struct OwnParameter {
     pub doc: String,
 }
 
-/// A unit: what its data sheet and its owner say of it.
+/// A unit: its data sheet, and what its owner added to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
     /// Values of all parameters.

@@ -1,4 +1,4 @@
-//! Parameter files: the shipped unit, overlays over it, and errors that say the way out.
+//! Parameter files: the shipped unit, overlays over it, and errors with suggested fixes.
 //!
 //! A file holds only what differs from the shipped unit, or from the file that its `base` names:
 //!
@@ -71,7 +71,7 @@ pub fn reference_sheet() -> Sheet {
     SHIPPED.clone()
 }
 
-/// The unit that a parameter file describes: the shipped unit where the file says nothing else.
+/// The unit that a parameter file describes: the shipped unit, changed by what the file states.
 ///
 /// # Errors
 /// When the file or one of its bases cannot be read, or holds anything that is not right; all
@@ -159,7 +159,7 @@ fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError>
     Ok(sheet)
 }
 
-/// The shipped sheet with `text` over it, without bases; `path` is where the text stands or will stand.
+/// The shipped sheet with `text` over it, without bases; `path` is the file that holds or will hold the text.
 fn sheet_over_reference(text: &str, path: &Path) -> Result<Sheet, Vec<FileProblem>> {
     let document = parse(text)?;
     let mut sheet = reference_sheet();

@@ -1,4 +1,4 @@
-//! The plant: one block per file, each an immutable law with its parameters; memory lives in the state.
+//! The plant: one block per file, each an immutable law with its parameters; memory is in the state.
 
 pub(crate) mod esv;
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! What a report was made from: program, recordings with digests, data sheet, options, seed, warnings, unit and date.
 //!
-//! In JSON it stands below the key `provenance`, in parameter files in the comments at their head, on pages below
+//! In JSON it is below the key `provenance`, in parameter files in the comments at their head, on pages below
 //! "How these figures were made".
 
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Digits of a digest that people are shown; the whole digest stands in the JSON.
+/// Digits of a digest on pages; the JSON has the whole digest.
 const SHOWN_DIGITS: usize = 12;
 
 /// What a report was made from.
@@ -52,9 +52,9 @@ pub struct RecordingGiven {
     pub name: String,
     /// Its files.
     pub files: Vec<FileUsed>,
-    /// True where bag or folder say that it was simulated; false where they do not.
+    /// Whether bag or folder state that it was simulated.
     pub synthetic: bool,
-    /// What bag or folder say of where it comes from.
+    /// The origin that bag or folder state.
     pub origin: Option<String>,
     /// Why it was left out, where it was.
     pub left_out: Option<String>,
@@ -84,7 +84,7 @@ impl Provenance {
         all
     }
 
-    /// What bags and folders say of where the recordings come from, each saying once.
+    /// The origins that bags and folders state, each once.
     #[must_use]
     pub fn origins(&self) -> Vec<&str> {
         origins(self.recordings.iter().map(|one| (one.synthetic, one.origin.as_deref())))
@@ -125,7 +125,7 @@ impl Provenance {
     }
 }
 
-/// The same of recordings by whether they are marked as synthetic, and by what is said of where they come from.
+/// The same of recordings by whether they are marked as synthetic, and by their stated origin.
 pub fn origins<'a>(recordings: impl Iterator<Item = (bool, Option<&'a str>)>) -> Vec<&'a str> {
     let mut all: Vec<&str> = Vec::new();
     let (mut count, mut marked, mut unsaid) = (0, 0, false);

@@ -1,4 +1,4 @@
-//! The measured signals by name: what to call each, its unit, and where it stands in a row.
+//! The measured signals by name: name, unit, and place in a row of each.
 
 use crate::frame::{Estimate, Signals};
 use crate::parameters::{Sensor, Sensors};
@@ -26,7 +26,7 @@ pub enum Signal {
 }
 
 impl Signal {
-    /// All four; the positions, by which a twin is judged first, lead.
+    /// All four; the positions, by which a twin is evaluated first, come first.
     pub const ALL: [Self; 4] =
         [Self::ServomotorPosition, Self::SpoolPosition, Self::PilotValvePosition, Self::ControlPressure];
 
@@ -107,7 +107,7 @@ impl Signal {
 
 held_by_id!(Signal, "a measured signal");
 
-/// The least and the greatest value so far, with one more; what is not finite is none.
+/// The least and the greatest value so far, with one more; values that are not finite do not count.
 #[must_use]
 pub fn widened(ends: Option<(f64, f64)>, value: f64) -> Option<(f64, f64)> {
     if !value.is_finite() {

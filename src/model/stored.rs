@@ -63,7 +63,7 @@ pub fn points<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<(f64, f6
     Ok(points.into_iter().map(|(x, y)| (x.unwrap_or(f64::NAN), y.unwrap_or(f64::NAN))).collect())
 }
 
-/// A text that lives as long as the program. serde would ask of a reference that the file lives as long.
+/// A text with the lifetime of the program; serde would require the file of a reference to live as long.
 pub type LastingText = &'static str;
 
 /// Such a text, each kept once: reports have a few dozen units and names of places.

@@ -24,7 +24,7 @@ use now::{Acting, Demand, Now, esv_opening_pu};
 use readings::positions_pu;
 use tick::{Chain, Seen, Setting, TickReads, large_loop, tick};
 
-/// Where recorded signals stand in for simulated ones, so that one stage is judged by its own input.
+/// Where recorded signals replace simulated ones, so that one stage is evaluated with its own input.
 ///
 /// ```
 /// use govtwin::{Cut, Twin, reference_unit};
@@ -170,7 +170,7 @@ impl Twin {
     ///
     /// The estimate is for the frame's time. The first frame after `new` or `reset` starts at the
     /// steady state that its inputs and measured positions describe. A frame that is not later than
-    /// its predecessor advances nothing. An input that is not finite leaves the last one in force; where
+    /// its predecessor advances nothing. With an input that is not finite the last one stays in force; where
     /// there never was one, the command is the measured position and the tank pressure the sheet's.
     #[must_use]
     pub fn step(&mut self, frame: &Frame) -> Estimate {
@@ -178,7 +178,7 @@ impl Twin {
         self.estimate(frame.time_ns)
     }
 
-    /// The same without the estimate, for rows at which nobody looks.
+    /// The same without the estimate, for rows whose estimate is not used.
     pub fn advance(&mut self, frame: &Frame) {
         if self.running {
             self.run_to(frame);
@@ -238,7 +238,7 @@ impl Twin {
         self.settle();
     }
 
-    /// Sets the memories of all terms as if the signals of now had long been what they are.
+    /// Sets the memories of all terms to their steady state at the present signals.
     fn settle(&mut self) {
         let Self { plant, now, memory, .. } = self;
         for point in Point::ALL {
@@ -285,7 +285,7 @@ impl Twin {
     fn run_to(&mut self, frame: &Frame) {
         let Self { plant, solver, memory, hold, setting, .. } = self;
         let mut single = Single { plant, solver, memory, hold };
-        // What stands in a local stays in registers from tick to tick.
+        // Local variables stay in registers from tick to tick.
         let mut now = self.now;
         while frame.time_ns - now.time_ns >= setting.tick_ns {
             tick(&mut single, *setting, &mut now, frame);
@@ -293,7 +293,7 @@ impl Twin {
         self.now = now;
     }
 
-    /// What the twin says at a time less than a tick after the last one.
+    /// The estimate at a time less than a tick after the last one.
     fn estimate(&self, time_ns: i64) -> Estimate {
         let now = &self.now;
         estimate(time_ns, positions_pu(&self.plant.blocks(), now, self.setting.cut, time_ns), now)

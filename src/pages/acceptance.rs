@@ -19,7 +19,7 @@ use pictures::{curves, response};
 /// Recordings that are drawn.
 const MOST_DRAWN: usize = 4;
 
-/// One recording as drawn: measured, and what the twins say.
+/// One recording as drawn: measured, and the twins' estimates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawn {
     /// As measured.
@@ -113,7 +113,7 @@ fn value_text(figure: &Figure, measure: Measure) -> (String, String) {
 /// The measures of the unit as it is, beside the limits.
 #[must_use]
 pub fn measures_table(summary: &AcceptanceSummary) -> Table {
-    // Without limits there is nothing to say of them.
+    // Without limits there is no sentence on them.
     let limited = summary.measures.iter().any(|asked| asked.limit.is_some());
     let mut table = Table::new().words("measure").numbers("value").numbers("interval");
     if limited {

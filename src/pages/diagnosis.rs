@@ -27,7 +27,7 @@ pub(crate) use traces::{WORST_S, worst_stretch};
 #[cfg(test)]
 mod tests;
 
-/// The page; `made` says what the diagnosis was made from, and where the recordings come from.
+/// The page; `made` has the inputs of the diagnosis and the origin of the recordings.
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
@@ -130,7 +130,7 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     for origin in made.origins() {
         body.note(Tone::Plain, origin);
     }
-    // What stands among the answers already is not said again.
+    // The page does not repeat notes that are among the answers.
     let answered = |note: &&String| {
         let foreign = diagnosis.part.as_ref().and_then(|part| part.foreign.as_ref());
         note.starts_with("One recording alone")

@@ -42,7 +42,7 @@ pub struct Svg {
 }
 
 impl Svg {
-    /// The element as text, which stands as a file of its own too.
+    /// The element as text, which is also valid as a file of its own.
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.wide

@@ -1,4 +1,4 @@
-//! The page of a proposed map: what each signal would look like, what was left aside, and what is open.
+//! The page of a proposed map: each signal as the map reads it, unused columns, and open questions.
 
 use super::draw::{DrawError, svg};
 use super::ink::Ink;
@@ -36,7 +36,7 @@ pub struct ImportView {
     pub chosen: Vec<Guess>,
     /// Columns of which nothing was made.
     pub unused: Vec<Guess>,
-    /// What the file's folder says of where it comes from.
+    /// The origin that the file's folder states.
     pub origin: Option<String>,
     /// How the file was understood.
     pub notes: Vec<String>,
@@ -95,7 +95,7 @@ pub fn page(look: &ImportView) -> Result<Page, DrawError> {
     Ok(page)
 }
 
-/// What was found, how sure that is, how much of the file it covers, and what to do next.
+/// Findings, their certainty, how much of the file they cover, and what to do next.
 fn answers(look: &ImportView) -> [(&'static str, Vec<String>); 4] {
     let names: Vec<String> = look.chosen.iter().map(|guess| format!("{} ({})", guess.title, guess.column)).collect();
     let total = look.chosen.len() + look.unused.len();
@@ -140,7 +140,7 @@ fn picture(what: &str, guesses: &[Guess], ink: Ink) -> Picture {
             .iter()
             .fold([f64::INFINITY, f64::NEG_INFINITY], |ends, point| [ends[0].min(point[1]), ends[1].max(point[2])]);
         if ends[0] == ends[1] {
-            // What stands still needs a scale of its own size.
+            // A constant signal needs a scale of its own size.
             let around = 0.5 * ends[0].abs().max(1.0);
             panel = panel.y_range(ends[0] - around, ends[1] + around);
         }

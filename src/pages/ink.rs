@@ -3,7 +3,7 @@
 //! The hues are those of Okabe and Ito 2008, "Color Universal Design", which stay apart for every
 //! common kind of colour blindness; some are darkened or lightened to stand off their background.
 
-/// What a colour stands for.
+/// The meaning of a colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ink {
     /// Words and outlines.
@@ -18,13 +18,13 @@ pub enum Ink {
     Command,
     /// What was measured.
     Measured,
-    /// What the twin says.
+    /// Simulated by the twin.
     Simulated,
     /// Simulated minus measured.
     Difference,
     /// Noise floors, intervals, tolerances.
     Band,
-    /// Trips, alarms, what is wrong.
+    /// Trips, alarms, errors.
     Alarm,
     /// What is right.
     Good,

@@ -1,4 +1,4 @@
-//! Pictures and pages of results: say as data what to show, get SVG and self-contained HTML.
+//! Pictures and pages of results: the contents as data, the result as SVG and self-contained HTML.
 //!
 //! A `picture::Picture` holds panels, a panel holds marks; `draw::svg` is the only place that
 //! draws by the plotting library. A [`page::Page`] holds blocks; it is the only place that knows the

@@ -64,7 +64,7 @@ enum Block {
     Details { summary: String, blocks: PageBody },
 }
 
-/// What stands on a page, in reading order.
+/// The contents of a page, in reading order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PageBody(Vec<Block>);
 
@@ -95,7 +95,7 @@ impl PageBody {
         self.0.push(Block::Paragraph(text.into()));
     }
 
-    /// The text of a file, line by line as it stands there.
+    /// The text of a file, line by line, unchanged.
     pub(crate) fn file_text(&mut self, text: impl Into<String>) {
         self.0.push(Block::Text(text.into()));
     }
@@ -139,7 +139,7 @@ pub struct Page {
     pub title: String,
     /// One line below the title.
     pub subtitle: String,
-    /// What stands on it.
+    /// Its contents.
     pub body: PageBody,
 }
 
@@ -190,7 +190,7 @@ impl Page {
     }
 }
 
-/// What the page holds further down.
+/// The contents of the page further down.
 fn contents(headings: &[&str]) -> Markup {
     html! {
         @if headings.len() > 2 {
@@ -256,7 +256,7 @@ fn block(block: &Block) -> Markup {
     }
 }
 
-/// Text whose parts between backticks are what a reader types; a backtick without its fellow is one.
+/// Text with code between backticks; an unpaired backtick is a character.
 fn prose(text: &str) -> Markup {
     let parts: Vec<&str> = text.split('`').collect();
     if parts.len().is_multiple_of(2) {

@@ -51,7 +51,7 @@ pub enum MarkShape {
 pub struct Mark {
     /// Its shape, in data coordinates.
     pub shape: MarkShape,
-    /// What it stands for.
+    /// Its meaning.
     pub ink: Ink,
     /// Its name in the legend; empty keeps it out.
     pub label: String,
@@ -59,7 +59,7 @@ pub struct Mark {
     pub width_px: f64,
     /// 0 clear to 1 solid.
     pub opacity: f64,
-    /// What tells it from its neighbours without its colour: 0 solid; from 1 on a pattern of dashes, and hollow dots.
+    /// What distinguishes it without its colour: 0 solid; from 1 on a pattern of dashes, and hollow dots.
     pub dash: u8,
 }
 
@@ -168,13 +168,13 @@ impl Panel {
         self.mark(Mark::new(MarkShape::Line(points), ink, label))
     }
 
-    /// Adds a line of dashes: told from a solid one without its colour.
+    /// Adds a line of dashes, distinct from a solid one without its colour.
     #[must_use]
     pub fn dashed_line(self, ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Self {
         self.mark(Mark::new(MarkShape::Line(points), ink, label).dashed(1))
     }
 
-    /// Adds a thick line: what a thinner one drawn later is compared with.
+    /// Adds a thick line, the reference of a thinner one that is drawn later.
     #[must_use]
     pub fn thick_line(self, ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Self {
         self.mark(Mark { width_px: 4.0, opacity: 0.75, ..Mark::new(MarkShape::Line(points), ink, label) })
@@ -192,8 +192,8 @@ impl Panel {
         self.mark(Mark::new(MarkShape::Dots(points), ink, label))
     }
 
-    /// Adds the bars of one of `of` series side by side: bar `i` stands at category `i`. Of several each has its number, in the legend and above
-    /// its bars, so that nobody needs colours to tell them apart.
+    /// Adds the bars of one of `of` series side by side: bar `i` is at category `i`. Of several each has its number, in the legend and above
+    /// its bars, so that they are distinct without colours.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
     pub fn bars(self, ink: Ink, label: &str, values: &[f64], series: usize, of: usize) -> Self {
@@ -272,7 +272,7 @@ pub struct Span {
 /// Panels in a grid, filled row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// What it shows in a sentence, for those who cannot see it.
+    /// A sentence on its contents, for readers who cannot see it.
     pub description: String,
     /// Width, px; the page scales it to fit.
     pub width_px: u32,
@@ -315,7 +315,7 @@ mod tests {
     use super::{MarkShape, Panel};
     use crate::ink::Ink;
 
-    /// Bars that stand beside each other are told apart without their colours.
+    /// Bars side by side are distinct without their colours.
     #[test]
     fn bars_of_several_series_have_their_numbers() {
         let alone = Panel::new("a").bars(Ink::Simulated, "one", &[1.0], 0, 1);

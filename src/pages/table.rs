@@ -224,7 +224,7 @@ impl Table {
     }
 }
 
-/// Text in lines of at most so many characters, broken at spaces; a longer word stands on a line of its own.
+/// Text in lines of at most so many characters, broken at spaces; a longer word has a line of its own.
 #[must_use]
 pub fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];

@@ -1,4 +1,4 @@
-//! Where an axis has its labels, and what they say.
+//! Positions and texts of an axis's labels.
 
 use plotters::coord::ranged1d::Ranged;
 use plotters::coord::types::RangedCoordf64;

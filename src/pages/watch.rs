@@ -21,7 +21,7 @@ const ALONE: &str = "One recording";
 /// Processes that the table shows, the newest.
 const MOST_ROWS: usize = 200;
 
-/// What stands on the page.
+/// The contents of the page.
 #[derive(Clone, Copy, Debug)]
 pub struct Watched<'a> {
     /// What the unit is called.
@@ -285,7 +285,7 @@ mod tests {
         page(&watched).unwrap().to_html()
     }
 
-    /// What has moved leads the page, and nothing is said to have moved where nothing has.
+    /// What has moved leads the page, and nothing is reported as moved that has not.
     #[test]
     fn a_size_that_has_moved_leads_the_page() {
         let of = |growth: f64| {
@@ -311,7 +311,7 @@ mod tests {
         assert!(at("00") < at("02") && at("02") < at("01"), "{html}");
     }
 
-    /// Where recordings are marked as synthetic the page says so, and where only some are, of which.
+    /// The page states whether recordings are marked as synthetic, and which if only some are.
     #[test]
     fn what_is_synthetic_is_told() {
         let mut entries: Vec<ProcessEntry> = (0..3).map(|i| entry(i, 2e-3)).collect();

@@ -33,7 +33,7 @@ impl GrowingFile {
         self.scan.found.channels.topics().map(|(_, topic)| &**topic)
     }
 
-    /// What it has said of itself so far, under a key.
+    /// What its metadata states so far, by key.
     pub(crate) fn about(&self, key: &str) -> Option<&str> {
         self.scan.found.health.about.get(key).map(String::as_str)
     }

@@ -28,7 +28,7 @@ impl Loader {
         Ok(Self { path: path.to_owned(), file, channels })
     }
 
-    /// Hands on the messages of a segment in file order; damage was told by the scan.
+    /// Hands on the messages of a segment in file order; the scan reported the damage.
     pub(crate) fn load(&mut self, segment: &Segment, on_message: &mut OnMessage<'_>) -> Result<(), BagError> {
         self.walk(segment, on_message).map_err(BagError::io(&self.path, "read"))
     }

@@ -172,7 +172,7 @@ impl FileWalk {
                     let len = body.len() as u64;
                     self.chunk(at, &mut body, len, hand);
                 }
-                // It was passed over, and nothing stands right behind it.
+                // It was passed over, and nothing is right behind it.
                 Step::Record(op::ATTACHMENT) => hand.flush(),
                 Step::Record(opcode) => hand.bare(at, opcode, &body),
                 Step::End { .. } if self.grows => return file.seek(at),

@@ -81,7 +81,7 @@ pub enum DefinitionError {
     /// A line is neither a field nor a constant.
     #[error("`{type_name}`: expected `type name` or `type NAME=value`, found `{line}`")]
     Line {
-        /// The type in whose definition the line stands.
+        /// The type in whose definition the line is.
         type_name: String,
         /// The line.
         line: String,

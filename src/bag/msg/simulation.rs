@@ -84,7 +84,7 @@ impl SimulatorFeatures {
     pub const STEP_SIMULATION_SINGLE: u16 = 31;
     /// It can be stepped several times.
     pub const STEP_SIMULATION_MULTIPLE: u16 = 32;
-    /// It can be stepped by the action `SimulateSteps`, which tells how far it is and can be ended early.
+    /// It can be stepped by the action `SimulateSteps`, which reports its progress and can be ended early.
     pub const STEP_SIMULATION_ACTION: u16 = 33;
 }
 

@@ -1,4 +1,4 @@
-//! REP-2016 type hashes (RIHS01): how ROS 2 since Iron tells two definitions of one name apart.
+//! REP-2016 type hashes (RIHS01): by which ROS 2 since Iron distinguishes two definitions of one name.
 
 use std::collections::BTreeMap;
 
@@ -73,7 +73,7 @@ pub fn texts_of(description: &TypeDescription) -> BTreeMap<String, String> {
     all.map(|one| (one.type_name.clone(), one.fields.iter().map(line_of).collect())).collect()
 }
 
-/// The line of a `.msg` text that stands for a described field.
+/// The line of a `.msg` text of a described field.
 fn line_of(field: &DescribedField) -> String {
     let FieldType { type_id, capacity, string_capacity, nested_type_name } = &field.r#type;
     let (base, string) = match type_id % 48 {

@@ -1,4 +1,4 @@
-//! Who competes in a comparison: for one seed the searches, the models that they find, and what those say of the rows that judge.
+//! The models of a comparison: for one seed the searches, the models that they find, and their estimates for the test rows.
 
 use anyhow::Context;
 use govtwin_correction::booster::{Hyperparameters, Objective};

@@ -1,4 +1,4 @@
-//! What a fit says: tables for a terminal, all figures as JSON.
+//! The output of a fit: tables for a terminal, all figures as JSON.
 
 use govtwin_diagnosis::identification::calibration::{Calibration, CalibrationRow};
 use govtwin_diagnosis::likelihood::problem::Problem;

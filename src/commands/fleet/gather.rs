@@ -263,7 +263,7 @@ impl<'a> All<'a> {
     fn write(&self, target: PageTarget, json: &str) -> anyhow::Result<()> {
         let lines = table::lines(self.gathered);
         let csv = table::csv(&lines);
-        // The file by which changes are told comes last: what is broken off is told again.
+        // The file from which changes are computed comes last: after an interruption they are reported again.
         let mut files: Vec<(&str, Vec<u8>)> = vec![("fleet.csv", csv.into_bytes())];
         #[cfg(feature = "parquet")]
         files.push((PARQUET, govtwin_diagnosis::fleet::parquet_table::bytes(&lines)?));

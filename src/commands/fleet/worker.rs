@@ -1,4 +1,4 @@
-//! The work on one entry: recordings as they were planned, a diagnosis, one result that nobody else has written.
+//! The work on one entry: recordings as they were planned, a diagnosis, one result that no other worker has written.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! The networks of the comparison: their searches and what they say.
+//! The networks of the comparison: their searches and estimates.
 
 use std::process::Command;
 use std::time::Instant;

@@ -60,7 +60,7 @@ pub fn climb(
     let mut signal = Signal::SpoolPosition;
     for (path, model) in models {
         let own = units.iter().find(|one| fingerprint(&one.unit) == model.twin);
-        // Where it fits none, the first unit says how the two differ.
+        // If it fits none, the message is that of the first unit.
         let own = own.unwrap_or(&units[0]);
         let corrector = residual::ready(model, &own.unit, args.cut.cut())?;
         signal = corrector.signal();

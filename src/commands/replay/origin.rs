@@ -1,4 +1,4 @@
-//! What a bag's folder says of where its data comes from.
+//! The origin of the data that a bag's folder states.
 
 use std::fs::File;
 use std::io::Read as _;

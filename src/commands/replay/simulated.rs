@@ -102,7 +102,7 @@ pub fn lag_of(message: &RawMessage, topics: &Topics) -> Option<i64> {
     Stream::ALL.iter().find(|stream| topics.of(**stream) == message.topic.name)?;
     // All four types begin with their header, which is all that is read here.
     let header = govtwin_bag::cdr::decode::<Header>(&message.data).ok()?;
-    // A stamp of 0 tells no time.
+    // A stamp of 0 is no time.
     let stamp_ns = header.stamp.nanos().filter(|stamp_ns| *stamp_ns != 0)?;
     Some(message.log_time_ns.saturating_sub(stamp_ns))
 }

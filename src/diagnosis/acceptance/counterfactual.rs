@@ -3,7 +3,7 @@
 //! Both twins run along the recordings and through the standard tests (`standard_tests.rs`). Where a measure shows in the recordings, the unit
 //! without the fault is expected at *measured + (twin without − twin as found)*: what both twins have wrong alike drops out. Elsewhere the twin's
 //! standard tests speak alone. The interval is made of that of the measurement, of the sizes of the faults (each moved to the ends of its own
-//! interval, deviations added in squares), and of the twin's error: where it misses the measured value by a share of what it says itself, the
+//! interval, deviations added in squares), and of the twin's error: if it misses the measured value by a share of its own value, the
 //! difference is uncertain by as much of itself.
 
 use rayon::prelude::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};

@@ -11,7 +11,7 @@ use crate::result::Interval;
 
 /// Fastest command of slow movement, pu/s.
 const SLOW_PU_S: f64 = 0.01;
-/// Window over which that is judged, s.
+/// Window for this criterion, s.
 const SLOW_WINDOW_S: f64 = 1.0;
 /// Time for which a fast movement is remembered, s.
 const REMEMBERED_S: f64 = 3.0;
@@ -39,7 +39,7 @@ const DELAYS: usize = 41;
 const BIN_PU: f64 = 0.005;
 /// Slowest command that rises or falls, pu/s.
 const MOVES_PU_S: f64 = 2e-4;
-/// Window over which the direction is judged, s.
+/// Window for the direction, s.
 const DIRECTION_WINDOW_S: f64 = 0.5;
 
 /// Samples of one series at the rate used, and the stretch of each; none where the movement is not slow.

@@ -12,7 +12,7 @@ pub struct Limit {
     pub min: Option<f64>,
     /// The largest value allowed, in the measure's unit.
     pub max: Option<f64>,
-    /// Who says so, in the user's words; empty where nothing is said.
+    /// The source of the limit, in the user's words; empty if none is given.
     pub source: String,
 }
 
@@ -33,7 +33,7 @@ impl AcceptanceLimits {
     }
 }
 
-/// How a measure stands to its limit.
+/// The result of a measure against its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LimitStanding {
@@ -61,7 +61,7 @@ impl LimitStanding {
 }
 
 impl Limit {
-    /// How a value stands to it.
+    /// The result of a value against it.
     #[must_use]
     pub fn judge(&self, value: Option<Interval>) -> LimitStanding {
         let Some(Interval { low, high, .. }) = value else { return LimitStanding::NotMeasured };

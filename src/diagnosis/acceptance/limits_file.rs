@@ -1,4 +1,4 @@
-//! Limits files: what an acceptance test asks of a unit.
+//! Limits files: the limits of an acceptance test.
 //!
 //! ```yaml
 //! name: contract of 1998, annex 3

@@ -16,11 +16,11 @@ const REST_BEFORE_S: f64 = 0.5;
 const REST_AFTER_S: f64 = 2.0;
 /// Slowest command that departs, pu/s.
 const LEAST_RATE_PU_S: f64 = 0.02;
-/// Time over which that rate is judged, s.
+/// Window for that rate, s.
 const RATE_WINDOW_S: f64 = 0.3;
 /// Longest time by which a position follows, s.
 const LONGEST_S: f64 = 5.0;
-/// Smallest change that is judged for overshoot and settling, pu.
+/// Smallest change that is evaluated for overshoot and settling, pu.
 const LEAST_CHANGE_PU: f64 = 0.01;
 /// Share of the change within which a position has settled.
 const SETTLED_SHARE: f64 = 0.02;
@@ -114,7 +114,7 @@ fn follows_after(series: &Series, departure: &Departure) -> Option<MeasuredEvent
     let (from, to) = (before.saturating_sub(2), (first + 2).min(series.len() - 1));
     let speed_pu_s = (moved(to) - moved(from)) / (series.time_s[to] - series.time_s[from]);
     let noise_s = 1.2 * series.noise_pu / speed_pu_s.max(threshold_pu / LONGEST_S);
-    // Between two samples neither command nor position is known better than a straight line tells.
+    // Between two samples command and position are known no better than by a straight line.
     let between_s = apart_s / 12.0_f64.sqrt();
     Some(MeasuredEvent { value: (crossed_s - departure.time_s).max(0.0), sd: noise_s.hypot(between_s) })
 }

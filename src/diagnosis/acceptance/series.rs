@@ -26,7 +26,7 @@ pub struct Series {
     pub tripped: Vec<bool>,
     /// Standard deviation of the position from sample to sample, pu.
     pub noise_pu: f64,
-    /// The noise for which thresholds leave room, pu: a twin is judged by those of the recording that it ran along.
+    /// The noise that thresholds allow for, pu; a twin has the thresholds of the recording that it ran along.
     pub margin_pu: f64,
     /// Time between two samples, s.
     pub period_s: f64,
@@ -39,7 +39,7 @@ impl Series {
         Self::of(recording, |row| recording.frames[row].measured.servomotor_position_pu)
     }
 
-    /// What a twin says at the same instants.
+    /// A twin's estimates at the same instants.
     #[must_use]
     pub fn simulated(recording: &Recording, estimates: &[Estimate]) -> Option<Self> {
         let simulated = Self::of(recording, |row| estimates[row].signals.servomotor_position_pu)?;
@@ -76,7 +76,7 @@ impl Series {
             return None;
         }
         let period_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]).collect());
-        // Second differences of what stands or moves evenly are noise alone, times √6.
+        // Second differences of a signal at rest or in even motion are noise alone, times √6.
         let bends = position_pu.windows(3).map(|y| (y[0] - 2.0 * y[1] + y[2]).abs());
         let still = bends.filter(|bend| *bend > 0.0).collect::<Vec<_>>();
         let noise_pu = if still.is_empty() { 0.0 } else { noise_of_bends(still) };

@@ -1,6 +1,6 @@
 //! The movements of an acceptance test, run by a twin: strokes, steps, a slow triangle, a sum of sines, a trip.
 //!
-//! They show what recordings of ordinary operation do not: nobody opens a running unit at its full rate.
+//! They show what recordings of ordinary operation do not: a running unit is never opened at its full rate.
 
 use std::f64::consts::TAU;
 

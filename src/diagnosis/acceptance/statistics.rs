@@ -45,7 +45,7 @@ pub fn mean(events: &[MeasuredEvent]) -> Option<Interval> {
     Some(Interval { value, low: (value - half).max(0.0), high: value + half })
 }
 
-/// The mean of events as a measure; `missing` says what it takes where there is none.
+/// The mean of events as a measure; `missing` states what it needs if there is none.
 #[must_use]
 pub fn found(measure: Measure, events: &[MeasuredEvent], missing: &str) -> MeasureFound {
     let note = if events.is_empty() { missing.to_owned() } else { String::new() };
@@ -69,7 +69,7 @@ mod tests {
         };
         let one = of(&[2.0], 0.1);
         assert!((one.high - 2.1645).abs() < 1e-9 && (one.low - 1.8355).abs() < 1e-9);
-        // Student's t of one degree of freedom is 6.314: two events that differ say little.
+        // Student's t of one degree of freedom is 6.314: two events that differ determine little.
         let two = of(&[1.0, 2.0], 0.0);
         assert!((two.high - two.value - 6.314 * 0.5).abs() < 1e-3 && two.low == 0.0);
         let alike = of(&[1.0, 1.0, 1.0, 1.0], 0.2);

@@ -4,7 +4,7 @@ use super::series::{FULL_RATE_ERROR_PU, Series, rate, slope, smooth};
 use super::statistics::{MeasuredEvent, found, mean_and_sd, missing};
 use super::{Measure, MeasureFound};
 
-/// A stroke shorter than this tells no rate, pu.
+/// A stroke shorter than this shows no rate, pu.
 const LEAST_TRAVEL_PU: f64 = 0.08;
 /// Time until the spool is where it is driven to and the piston at its speed, s.
 const GETTING_UP_S: f64 = 0.4;
@@ -12,7 +12,7 @@ const GETTING_UP_S: f64 = 0.4;
 const WITHOUT_ENDS_PU: [f64; 2] = [0.12, 0.97];
 /// The same after a trip, whose strokes often begin low, pu.
 const WITHOUT_STOP_PU: [f64; 2] = [0.03, 0.97];
-/// Window over which speed is judged, s.
+/// Window for the speed, s.
 const SPEED_WINDOW_S: f64 = 0.2;
 /// Share of the full rate below which a stroke is slowed.
 const SLOWED_SHARE: f64 = 0.8;
@@ -133,7 +133,7 @@ fn cushion(series: &Series, stroke: Stroke) -> Option<MeasuredEvent> {
     let speeds = rate(&series.time_s, &smoothed, window_s);
     let knee = (stroke.from..end).rev().find(|&i| -speeds[i] >= SLOWED_SHARE * stroke.speed_pu_s)?;
     let time_s = (series.time_s[end] - series.time_s[knee]).max(0.0);
-    // The end is crossed slowly, the knee is known to the window over which speed is judged.
+    // The end is crossed slowly, the knee is known to the window of the speed.
     let slow_pu_s = (margin_pu / time_s.max(series.period_s)).max(1e-4);
     let crossing_s = series.noise_pu / series.samples_in(SPEED_WINDOW_S / 4.0).sqrt() / slow_pu_s;
     let knee_s = window_s / 12.0_f64.sqrt();

@@ -1,4 +1,4 @@
-//! What an acceptance report says: measures beside limits, sentences on what a fault costs, JSON and CSV.
+//! The contents of an acceptance report: measures beside limits, sentences on what a fault costs, JSON and CSV.
 
 use serde::Serialize;
 
@@ -28,9 +28,9 @@ pub struct Figure {
     pub events: usize,
     /// `recordings`, `twin` (along the recordings) or `standard test` (of the twin).
     pub from: &'static str,
-    /// What to know of it; empty where there is nothing to say.
+    /// A note on it; empty if there is none.
     pub note: String,
-    /// How it stands to the limit; null where there is no limit.
+    /// Its result against the limit; null if there is no limit.
     pub standing: Option<LimitStanding>,
 }
 
@@ -58,7 +58,7 @@ pub struct AskedMeasure {
     pub definition: &'static str,
     /// The limit; null where there is none.
     pub limit: Option<Limit>,
-    /// What the unit measures as it is, and how it stands.
+    /// The measure of the unit as it is, and its result.
     pub as_found: Option<Figure>,
 }
 
@@ -126,7 +126,7 @@ fn expected(all: &[Option<ExpectedValue>], limits: &AcceptanceLimits) -> Vec<Fig
     Measure::ALL.into_iter().zip(all).map(of).collect()
 }
 
-/// Gathers what a report says.
+/// Gathers the contents of a report.
 #[must_use]
 pub fn summarise(compared: &Compared, diagnosed: &DiagnosedTwin, limits: &AcceptanceLimits) -> AcceptanceSummary {
     let as_found = expected(&compared.as_found, limits);

@@ -76,7 +76,7 @@ pub fn sum_up<'a>(trends: impl Iterator<Item = &'a mut Trend>) -> f64 {
 fn sum_up_one(points: &mut [PeriodSize], limit: f64) {
     let (mut level, mut sums) = (Level::default(), Sums::default());
     for point in points {
-        // The wider half of the interval stands for both.
+        // The wider half of the interval represents both.
         let sd = (point.high - point.value).max(point.value - point.low) / NORMAL_90_EXACT;
         if let Some(residual) = level.residual(point.value, sd) {
             sums.take(residual);
@@ -169,7 +169,7 @@ mod tests {
         assert!(known.iter().all(|trend| trend.points[1].changed));
         let unknown = of(&[("1", finding("class", 0.0, 0.1)), ("2", finding("class", 1.0, 0.1))]);
         assert!(unknown.is_empty(), "{unknown:?}");
-        // A period in between that does not tell leaves a gap and no zero.
+        // A period that does not determine the size gives a gap, not a zero.
         let gap = of(&[
             ("1", finding("named", 0.5, 0.9)),
             ("2", finding("class", 0.0, 0.1)),

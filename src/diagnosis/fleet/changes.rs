@@ -8,7 +8,7 @@ use super::gathered::{Gathered, Row};
 use super::result::FoundCause;
 use crate::words::{id_words, key_words, verdict_words};
 
-/// How the fleet stood, as far as changes are told by it.
+/// The state of the fleet from which changes are computed.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Standing {
     /// When it was gathered.
@@ -19,7 +19,7 @@ pub struct Standing {
     pub changed: Vec<(String, String)>,
 }
 
-/// How a unit stood in a period.
+/// The state of a unit in a period.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stood {
     /// The unit.
@@ -44,7 +44,7 @@ pub struct Change {
 }
 
 impl Standing {
-    /// How a fleet stands.
+    /// The state of a fleet.
     #[must_use]
     pub fn of(gathered: &Gathered, date: &str) -> Self {
         let stood = |row: &Row| Stood {
@@ -91,7 +91,7 @@ impl Standing {
     }
 }
 
-/// Verdict and causes of a row, or how else it stands.
+/// Verdict and causes of a row, or its other state.
 #[must_use]
 pub fn word(row: &Row) -> String {
     row.found.as_ref().map_or_else(|| row.status.id().to_owned(), word_of)

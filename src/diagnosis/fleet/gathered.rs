@@ -6,7 +6,7 @@ use super::ageing::{self, Trend};
 use super::entry::Entry;
 use super::result::{EntryResult, FoundCause, Work};
 
-/// How an entry stands.
+/// The state of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Status {
     /// Diagnosed.
@@ -26,7 +26,7 @@ pub struct Row {
     pub period: String,
     /// Key of its result.
     pub key: String,
-    /// How it stands.
+    /// Its state.
     pub status: Status,
     /// How many recordings it has.
     pub recordings: usize,
@@ -36,7 +36,7 @@ pub struct Row {
     pub words: String,
     /// The folder of its report in the store.
     pub report: Option<String>,
-    /// What bags and folders say of where the recordings come from.
+    /// The origins of the recordings that bags and folders state.
     pub origins: Vec<String>,
     /// How the work went.
     pub work: Option<Work>,

@@ -27,7 +27,7 @@ fn kind(column: &str) -> &'static str {
 /// The table as a Parquet file.
 ///
 /// # Errors
-/// What the library says; to memory it refuses nothing that this schema holds.
+/// The library's message; to memory it refuses nothing that this schema holds.
 pub fn bytes(lines: &[Line]) -> Result<Vec<u8>, ParquetError> {
     let field = |name: &&str| match kind(name) {
         "binary" => format!("optional binary {name} (UTF8);"),

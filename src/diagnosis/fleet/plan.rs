@@ -45,7 +45,7 @@ impl Reason {
 pub struct LeftOut {
     /// Its path below the source.
     pub path: String,
-    /// Whose folder it lies in; empty where in nobody's.
+    /// The unit in whose folder it is; empty if in none.
     pub unit: String,
     /// Why.
     pub reason: Reason,
@@ -66,7 +66,7 @@ pub struct FoundRecording {
     pub states: Option<String>,
 }
 
-/// How a unit is judged.
+/// How a unit is diagnosed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct How {
     /// Its sheet, beside the plan.

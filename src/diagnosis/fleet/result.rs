@@ -30,7 +30,7 @@ pub struct EntryResult {
     pub error: Option<String>,
     /// What a reader should know before believing it.
     pub warnings: Vec<String>,
-    /// What bags and folders say of where the recordings come from.
+    /// The origins of the recordings that bags and folders state.
     #[serde(default)]
     pub origins: Vec<String>,
     /// The folder of its report in the store.
@@ -46,9 +46,9 @@ pub struct EntryResult {
 pub struct Work {
     /// From reading the entry to its report, s.
     pub elapsed_s: f64,
-    /// Processor time of all threads, s; none where the system does not tell.
+    /// Processor time of all threads, s; none if the system does not report it.
     pub processor_s: Option<f64>,
-    /// The most memory that the process held, bytes; none where the system does not tell.
+    /// The most memory that the process held, bytes; none if the system does not report it.
     pub peak_memory_bytes: Option<u64>,
 }
 
@@ -71,7 +71,7 @@ pub struct FoundCause {
     pub causes: Vec<Cause>,
     /// The sheet's parameters as fitted.
     pub parameters: Vec<SizeInterval>,
-    /// The test that is expected to tell most, in words.
+    /// The most informative test, in words.
     pub next_test: Option<String>,
 }
 
@@ -88,7 +88,7 @@ pub struct Cause {
     pub sizes: Vec<SizeInterval>,
 }
 
-/// A value with its 90 % interval, in the unit that stands beside it.
+/// A value with its 90 % interval, in the unit beside it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SizeInterval {
     /// Its name.
@@ -101,14 +101,14 @@ pub struct SizeInterval {
     pub low: Option<f64>,
     /// Upper end.
     pub high: Option<f64>,
-    /// It stands on a bound of its range.
+    /// It is on a bound of its range.
     pub at_bound: bool,
-    /// Share of what is known of it that the recordings said; none for effects, which have no tolerance.
+    /// Share of its information that comes from the recordings; none for effects, which have no tolerance.
     pub information_share: Option<f64>,
 }
 
 impl SizeInterval {
-    /// A fitted value; what the recordings said of it is left open.
+    /// A fitted value, without the share of information from the recordings.
     fn of(fitted: &Fitted) -> Self {
         Self {
             name: fitted.name.clone(),
@@ -185,7 +185,7 @@ pub enum OutcomeError {
     /// Another schema.
     #[error("expected a result of the schema {SCHEMA}, found `{0}`; was it made by another version?")]
     Schema(String),
-    /// It stands under the name of another.
+    /// It is stored under the name of another.
     #[error("expected the result of the key {expected}, found that of `{found}`; was the file renamed?")]
     Key {
         /// The key of its name.
@@ -210,7 +210,7 @@ impl EntryResult {
         }
     }
 
-    /// Reads a result that stands in the store under a key.
+    /// Reads the result of a key from the store.
     ///
     /// # Errors
     /// Where it is none, or not that of the key.
@@ -225,13 +225,13 @@ impl EntryResult {
         Ok(outcome)
     }
 
-    /// As it stands in the store.
+    /// As the store holds it.
     #[must_use]
     pub fn json(&self) -> String {
         serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
     }
 
-    /// Where the result of a key stands in a store.
+    /// The path of the result of a key in a store.
     #[must_use]
     pub fn path(key: &str) -> String {
         format!("results/{key}.json")

@@ -44,7 +44,7 @@ pub enum Cell {
 }
 
 impl Cell {
-    /// As it stands in CSV: numbers by the shortest text that reads back to the same bits.
+    /// Its text in CSV: numbers by the shortest text that reads back to the same bits.
     fn text(&self) -> String {
         match self {
             Self::Empty => String::new(),

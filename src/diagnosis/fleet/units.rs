@@ -1,4 +1,4 @@
-//! The units table: which units there are, where their recordings lie, and by which sheet each is judged.
+//! The units table: units, the folders of their recordings, and the sheet of each.
 
 use std::collections::BTreeMap;
 use std::fmt;

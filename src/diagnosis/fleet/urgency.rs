@@ -20,7 +20,7 @@ pub struct Look {
     pub weight: f64,
 }
 
-/// Classes of reasons: what changes, what is faulty, what cannot be told, what did not run.
+/// Classes of reasons: changes, faults, undetermined causes, failed runs.
 const CHANGES: u8 = 0;
 const FAULT: u8 = 1;
 const UNEXPLAINED: u8 = 2;

@@ -28,7 +28,7 @@ const OPENING_PU_S: f64 = 0.12;
 /// Noise of the command line, one standard deviation, pu.
 const COMMAND_NOISE_PU: f64 = 1.0e-4;
 
-/// What the governor says.
+/// The output of the governor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GovernorOutput {
     /// Guide-vane opening, pu.

@@ -23,7 +23,7 @@ pub struct ProcessScript {
     pub mechanical_time_s: f64,
     /// Starting time of the water, s.
     pub water_time_s: f64,
-    /// Whether the machine stands still at the start; else it is on the grid.
+    /// Whether the machine is at standstill at the start; else it is on the grid.
     pub stands_still: bool,
     /// Start order, s.
     pub start_s: f64,

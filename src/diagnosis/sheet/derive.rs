@@ -11,7 +11,7 @@ use super::Plate;
 use super::ports::time_s;
 use govtwin_model::parameters::{ENTRIES, Parameters, Tolerance, Unit};
 
-/// What says how large a servomotor is, as keys of a plate: one of them is needed.
+/// The size of a servomotor, as keys of a plate: one of them is needed.
 pub(super) const SIZED_BY: [&str; 3] = ["servomotor_volume", "opening_area", "piston_diameter"];
 
 /// A value's source, and whether plate or manual gave it.
@@ -69,7 +69,7 @@ impl Making<'_> {
         true
     }
 
-    /// What a plate says in its own words.
+    /// The words of the plate.
     fn words(&self, item: &str) -> String {
         let Some(given) = self.plate.values.get(item) else { return String::new() };
         let place = if given.source.is_empty() { "plate or manual" } else { &given.source };
@@ -91,7 +91,7 @@ fn relative(share: f64) -> Option<Tolerance> {
     (share > 0.0).then_some(Tolerance::Relative(share))
 }
 
-/// Makes a unit of a plate; what the plate does not say follows from the reference unit by similarity.
+/// Makes a unit of a plate; the other values follow from the reference unit by similarity.
 ///
 /// # Errors
 /// In sentences: what is missing that nothing can stand in for, or what contradicts itself.
@@ -130,7 +130,7 @@ pub fn derive(plate: &Plate, reference: &Unit) -> Result<Derived, Vec<String>> {
     Ok(Derived { unit, sources: making.sources, times_s, assumed: making.assumed })
 }
 
-/// What a plate must say, whatever else it says.
+/// The required items of a plate.
 fn missing(plate: &Plate) -> Result<(), Vec<String>> {
     let has = |key: &str| plate.values.contains_key(key);
     let mut found = vec![];

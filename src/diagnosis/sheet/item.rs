@@ -1,8 +1,8 @@
-//! What a plate or a manual may say, item by item.
+//! The items of a plate or a manual.
 
 use super::quantity::Dimension;
 
-/// Something that a name plate, a drawing or a manual says.
+/// An item of a name plate, a drawing or a manual.
 #[derive(Clone, Copy, Debug)]
 pub struct PlateItem {
     /// Its key in plate files.

@@ -35,7 +35,7 @@ const HELPS: f64 = 1.15;
 pub struct Shows {
     /// The fault, an id of the catalogue.
     pub effect: &'static str,
-    /// Standard deviations by which it stands out with this sheet, 1.
+    /// Its separation with this sheet, in standard deviations.
     pub with_sheet_ratio: f64,
     /// The same if every parameter were known, 1.
     pub at_best_ratio: f64,
@@ -61,7 +61,7 @@ impl PartialEq for PlateItem {
 /// What matters of a sheet.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Matter {
-    /// The items that the plate does not say, the most helpful first.
+    /// The items that the plate does not state, the most helpful first.
     pub missing: Vec<Help>,
     /// Every fault, the hardest to see first.
     pub faults: Vec<Shows>,
@@ -137,7 +137,7 @@ pub fn matter(unit: &Unit, plate: &Plate, seed: u64, on_progress: &dyn Fn()) -> 
             .zip(&with_sheet)
             .map(|(with, without)| (with.max(1e-3) / without.max(1e-3)).max(1.0))
             .collect();
-        // A fault that nobody could see is none that counts.
+        // A fault that is not detectable in any case does not count.
         let counts = |fault: &usize| at_best[*fault] >= SHOWS;
         let gain = (0..ratios.len()).filter(counts).map(|fault| ratios[fault].min(20.0).ln()).sum();
         let mut effects: Vec<(&'static str, f64)> = (0..ratios.len())

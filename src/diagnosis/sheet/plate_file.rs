@@ -1,4 +1,4 @@
-//! Plate files: what stands on a unit's name plate and in its manual, in people's own units.
+//! Plate files: the items of a unit's name plate and manual, in the units used there.
 //!
 //! ```yaml
 //! name: unit 3
@@ -111,7 +111,7 @@ fn read(item: &PlateItem, node: &Node, source: &str) -> Result<GivenValue, Strin
     given(item, &words(value)?, tolerance, source)
 }
 
-/// A plate file to fill in: every item with what it is and an example, commented out.
+/// A plate file to fill in: every item with its meaning and an example, commented out.
 #[must_use]
 pub fn plate_template() -> String {
     let mut lines = vec![

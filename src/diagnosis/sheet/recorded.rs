@@ -1,8 +1,8 @@
-//! What recordings say of a unit that has neither sheet nor plate: values of a plate, each with its tolerance, and the noise of its transducers.
+//! Estimates from recordings of a unit that has neither sheet nor plate: values of a plate, each with its tolerance, and the noise of its transducers.
 //!
 //! Tank pressure, full-stroke times, stops and position gain can be read off recordings of command, spool and servomotor in pu. How large the unit
 //! is cannot: positions are shares of strokes. [`fill`] then takes a servomotor of the reference unit's size, so that sizes of effects are those of
-//! such a unit. What a plate says already is left as it is.
+//! such a unit. What a plate states stays as it is.
 
 use super::derive::{SIZED_BY, STROKES_PER_OVERLAP, spool_stroke_m};
 use super::{GivenValue, Plate};
@@ -36,7 +36,7 @@ const STOP_TOLERANCE: f64 = 0.04;
 const INSIDE: f64 = 0.7;
 /// Share by which the spool may change over twice [`OVER_S`] and still stand: the lag behind the deviation then makes no difference.
 const STANDS: f64 = 0.1;
-/// Fewest rows that tell a gain; its tolerance where the spool stood, and where it never did.
+/// Fewest rows that determine a gain; its tolerance if the spool rested, and if it never did.
 const FEWEST_ROWS: usize = 8;
 const GAIN_TOLERANCES: (f64, f64) = (0.15, 0.4);
 
@@ -85,7 +85,7 @@ struct PositionRow {
     esv: EsvState,
 }
 
-/// Puts onto a plate what recordings say of the unit and the plate does not; what neither says of sizes is the reference unit's.
+/// Adds to a plate what recordings determine and the plate does not state; sizes that neither has are the reference unit's.
 ///
 /// # Errors
 /// Where the recordings do not hold command, tank pressure, spool and servomotor in pu, or show no movement.
@@ -218,7 +218,7 @@ fn stop(runs: &[Vec<PositionRow>], sign: f64, farthest_pu: f64) -> (f64, f64, &'
     let deviations: Vec<f64> = near.iter().copied().flatten().map(|row| row.deviation_pu.abs()).collect();
     let (least, most) =
         deviations.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), &d| (least.min(d), most.max(d)));
-    // A spool that stands because the deviation does is at no stop.
+    // A spool that rests because the deviation is constant is at no stop.
     let pushed = most - least > PUSHED * most || near.iter().copied().flatten().any(|row| row.esv != EsvState::Normal);
     if held_s >= 0.99 * HELD_S && pushed {
         let middle = median(near.iter().copied().flatten().map(|row| sign * row.spool_pu).collect());
@@ -278,6 +278,6 @@ fn transducer(recording: &Recording, signal: Signal) -> Option<Sensor> {
     // What rounding in the file makes of equal values is no step.
     let steps = values.windows(2).map(|two| (two[1] - two[0]).abs()).filter(|step| *step > 1e-7 * largest);
     let step = steps.fold(f64::INFINITY, f64::min);
-    // A signal that mostly stands within one step is no noisier than a part of that.
+    // A signal that mostly stays within one step is no noisier than a part of that.
     (noise.is_finite() && step.is_finite()).then(|| Sensor { noise: noise.max(0.25 * step), step })
 }

@@ -23,7 +23,7 @@ const REST_S: f64 = 25.0;
 const LONGEST_S: f64 = 300.0;
 /// A gap in time that ends a process, s.
 pub const GAP_S: f64 = 5.0;
-/// A shorter process says nothing, s.
+/// A shorter process is not evaluated, s.
 const SHORTEST_S: f64 = 5.0;
 
 /// A process that has ended.

@@ -61,7 +61,7 @@ impl FoundProcess {
     }
 
     /// What it is told from: the process, and for a change of load whether it is one up or down. What goes on of a process is a kind of its own, which
-    /// comes last: nobody knows what moved at its beginning.
+    /// comes last: what moved at its beginning is not known.
     fn kind(&self) -> (bool, Process, bool) {
         (!self.from_rest, self.process, self.rises && self.process == Process::LoadIncrease)
     }
@@ -180,7 +180,7 @@ impl Excerpts {
         self.span_ns.map_or(0.0, |(from_ns, to_ns)| seconds_from_nanos(to_ns - from_ns))
     }
 
-    /// How far the position moved altogether; nothing where it stood still or was not measured.
+    /// How far the position moved altogether; nothing if it rested or was not measured.
     #[must_use]
     pub fn stroke(&self) -> Option<f64> {
         self.positions.map(|(low, high)| high - low).filter(|stroke| *stroke > 0.0)
@@ -238,7 +238,7 @@ impl Excerpts {
 
 /// Which processes of several long recordings are kept where there is room for so many rows; for each recording their places.
 ///
-/// Each kind in turn gets one more of its processes, as long as there is room: what tells one fault from another differs between kinds, and a second
+/// Each kind in turn gets one more of its processes, as long as there is room: what distinguishes faults differs between kinds, and a second
 /// process of a kind adds less than the first of another. Of a kind the processes are parted evenly in the order of time, and of each part the one that moved most is
 /// kept: a long movement shows most, and what drifts shows over the whole time. The result depends on nothing but what was found.
 #[must_use]

@@ -38,10 +38,10 @@ pub struct ProcessEntry {
     pub digest: String,
     /// The bag that it was cut from.
     pub bag: String,
-    /// True where bag or folder say that it was simulated; false where they do not.
+    /// Whether bag or folder state that it was simulated.
     #[serde(default)]
     pub synthetic: bool,
-    /// What bag or folder say of where it comes from.
+    /// The origin that bag or folder state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<String>,
     /// When it began, ns since 1970.
@@ -94,7 +94,7 @@ pub struct HistoryError {
     pub reason: String,
 }
 
-/// Reads a history. A last line without its end was being written when the process was killed: it is left out, and `true` says so.
+/// Reads a history. A last line without its end was being written when the process was killed: it is left out, and the result is `true`.
 ///
 /// # Errors
 /// Where any other line is no entry of this schema.
@@ -198,7 +198,7 @@ pub fn courses(entries: &[ProcessEntry], between_false_alarms: f64) -> Vec<Cours
     courses
 }
 
-/// What bags and folders say of where the processes come from, each saying once.
+/// The origins of the processes that bags and folders state, each once.
 #[must_use]
 pub fn origins(entries: &[ProcessEntry]) -> Vec<&str> {
     provenance::origins(entries.iter().map(|entry| (entry.synthetic, entry.origin.as_deref())))
@@ -227,7 +227,7 @@ impl Course {
         size_words(&self.effect, &self.parameter, &self.unit)
     }
 
-    /// What is to be said of it now: that it has moved; none where it stays.
+    /// The warning that it has moved; none if it has not.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         let (point, last) = (self.points.last()?, self.estimates.last()?);

@@ -85,7 +85,7 @@ impl Folder {
             match std::fs::metadata(entry.path()) {
                 Ok(kind) if kind.is_dir() => self.walk(&path, above, all)?,
                 Ok(kind) => all.push(Object { path, bytes: kind.len() }),
-                // A link to nowhere, or a file that went away meanwhile; who reads it is told.
+                // A link to nowhere, or a file that went away meanwhile; its reader gets an error.
                 Err(error) if error.kind() == io::ErrorKind::NotFound => all.push(Object { path, bytes: 0 }),
                 Err(error) => return Err(self.refused(&path, WHAT)(error)),
             }

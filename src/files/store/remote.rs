@@ -158,7 +158,7 @@ impl Remote {
     }
 }
 
-/// The store's own words. One that refuses says little, and nothing where it was only asked whether an object is there.
+/// The store's own message. A refusal has little text, and none for the question whether an object exists.
 fn reason(error: &object_store::Error) -> String {
     let words = without_queries(error.to_string().trim_end_matches([':', ' ', '\n']));
     match error {

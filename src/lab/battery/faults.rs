@@ -2,7 +2,7 @@
 
 use govtwin_model::effects::{Scaling, Stage, find};
 
-/// How much of each effect is in a plant; all zero in a sound one. Sizes are deviations from neutral.
+/// How much of each effect is in a plant; all zero in a fault-free one. Sizes are deviations from neutral.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
     pub(super) command_delay_s: f64,

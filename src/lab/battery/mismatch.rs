@@ -1,4 +1,4 @@
-//! What is odd about every plant of the battery, faults or not: small, within what a sheet never says.
+//! Structural mismatch of every plant of the battery, with or without faults: small, in properties that no sheet states.
 
 use crate::battery::draws::Draw;
 use crate::battery::laws::{Bristles, held_back_pa};
@@ -33,7 +33,7 @@ pub struct Mismatch {
 }
 
 impl Mismatch {
-    /// Draws them for a unit of this size; the stops yield as the unit's parameters say.
+    /// Draws them for a unit of this size; the stops yield by the unit's parameters.
     #[must_use]
     pub fn draw(p: &Parameters, size: &UnitSize, draw: &mut Draw) -> Self {
         // Lines of the same length in time: what they hold back goes with pressure over flow, what they hold with the inverse.

@@ -1,4 +1,4 @@
-//! Which cases a battery has: sound units, single effects, pairs, triples, strangers, and effects that the catalogue will lack.
+//! The cases of a battery: fault-free units, single effects, pairs, triples, faults outside the catalogue, and effects that the catalogue will lack.
 
 use crate::battery::draws::{Draw, Question};
 use crate::battery::faults::STRANGERS;

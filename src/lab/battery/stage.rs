@@ -1,7 +1,7 @@
-//! Servomotor stages alone whose faults are known: somebody moves the spool, and spool and servomotor are recorded.
+//! Servomotor stages alone whose faults are known: the spool is moved, and spool and servomotor are recorded.
 //!
 //! Half of the stages are the twin's own, half of those that have such an equation follow the plain law (a dead zone, a gain each way, a lag, a greatest
-//! speed). No law is exact: their speed is off by a smooth function of how far the spool is open, and wanders. In a sound stage that is at most a percent,
+//! speed). No law is exact: their speed is off by a smooth function of how far the spool is open, and wanders. In a fault-free stage that is at most a percent,
 //! in a faulty one up to twelve, as in real machines; in one without a fault more than a few percent is something that no catalogue lists. Everything follows from seeds.
 
 mod plain_law;
@@ -47,14 +47,14 @@ const PERIODS_MS: [i64; 5] = [10, 20, 50, 100, 200];
 /// Rows of a recording, and its length in s.
 const ROWS: (f64, f64) = (900.0, 3000.0);
 const LENGTH_S: (f64, f64) = (30.0, 200.0);
-/// Error of the law of a sound stage and of a faulty one, as a share of the speed.
+/// Error of the law of a fault-free stage and of a faulty one, as a share of the speed.
 const LAW_ERRORS: [(f64, f64); 2] = [(0.001, 0.01), (0.001, 0.12)];
 /// By how much effects are larger than those of whole chains: a stage alone is looked at where it is known to be off.
 const LARGER: (f64, f64) = (1.0, 3.0);
 /// How much of it wanders with time, and in what time, s.
 const WANDERS: (f64, f64) = (1.0, 10.0);
 
-/// The first `count` stages of a seed's battery, all judged with a data sheet or all without.
+/// The first `count` stages of a seed's battery, all diagnosed with a data sheet or all without.
 #[must_use]
 pub fn plan(count: usize, seed: u64, with_sheet: bool) -> Vec<Case> {
     let mut draw = Draw::new(seed, Question::Plan, 2);

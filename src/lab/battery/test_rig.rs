@@ -198,7 +198,7 @@ impl TestRig {
         run
     }
 
-    /// Dead time of the ESV, s: its slide needs the rest of what the label says.
+    /// Dead time of the ESV, s: its slide takes the rest of the labelled time.
     fn dead_time_s(&self) -> f64 {
         (self.faults.esv_delay_s - 0.5 * self.odd.esv_travel_s).max(0.0)
     }

@@ -1,4 +1,4 @@
-//! What a missed answer was missed by: recordings that could not tell, or the method.
+//! The cause of a miss: recordings that could not have shown it, or the method.
 
 use nalgebra::DMatrix;
 
@@ -14,12 +14,12 @@ use govtwin_model::recording::Recording;
 /// An effect at a size: its id, and as many of its parameters as are known, in their units.
 pub type Sized<'a> = (&'a str, Vec<f64>);
 
-/// What the recordings say of effects that an answer left out, in halves of a log-likelihood; none where the catalogue has no equation for one.
+/// The information of the recordings about effects that an answer left out, in halves of a log-likelihood; none where the catalogue has no equation for one.
 ///
 /// The effects are simulated at their size on top of the refitted unit. From what they change in the residuals is taken off what the sheet's
 /// tolerances could do instead, and what the effects could that the answer names, at the sizes that it gives them (projection: the gain in
 /// likelihood that a perfect observer with the same equations could expect). Below
-/// [`SEEN`](crate::benchmark::scored::SEEN) nobody could have told from these recordings.
+/// [`SEEN`](crate::benchmark::scored::SEEN) these recordings could not have shown it.
 #[must_use]
 pub fn expected_log_bayes_factor(
     recordings: Vec<Recording>,

@@ -101,7 +101,7 @@ pub fn page(
     Ok(page)
 }
 
-/// A word of a verdict or of a truth, as people say it.
+/// The readable name of a verdict or a truth.
 fn in_words(id: &str) -> String {
     match id {
         "unknown" => "unknown".to_owned(),
@@ -270,7 +270,7 @@ fn reliability_picture(methods: &[MethodScore]) -> Picture {
     Picture::grid("Reliability of the probabilities", 1, vec![panel])
 }
 
-/// Case by case: what is so, what was said.
+/// Case by case: truth and verdict.
 #[must_use]
 pub fn cases_table(cases: &[ScoredUnit]) -> Table {
     let table =

@@ -42,9 +42,9 @@ pub struct Score {
     pub units: usize,
     /// All measures.
     pub measures: Vec<ScoredMeasure>,
-    /// How often each word was said of each truth.
+    /// How often each truth got each verdict.
     pub confusion: Confusion,
-    /// Probabilities said against how often it was so, where half of the units are sound, as the learned weights take it.
+    /// Reported probabilities against observed frequencies, with half of the units fault-free, as for the learned weights.
     pub reliability: Vec<Bin>,
 }
 
@@ -53,7 +53,7 @@ pub struct Score {
 pub struct Confusion {
     /// What is so: `none`, effects, `outside`.
     pub truths: Vec<String>,
-    /// What was said: `none`, effects, `unknown`.
+    /// The verdict: `none`, effects, `unknown`.
     pub words: Vec<String>,
     /// Counts by truth, then by word.
     pub counts: Vec<Vec<usize>>,
@@ -76,7 +76,7 @@ pub fn score(cases: &[ScoredUnit]) -> Score {
     Score { units, measures, confusion, reliability: reliability(&claims) }
 }
 
-/// The share of cases of which something holds, and its misses; `good` says whether it is good that it holds.
+/// The share of cases of which something holds, and its misses; `good`: whether it should hold.
 fn share<'a>(
     cases: impl Iterator<Item = &'a ScoredUnit>,
     good: bool,
@@ -100,7 +100,7 @@ fn measures(cases: &[ScoredUnit]) -> Vec<ScoredMeasure> {
     let triples = || all().filter(|case| case.triple());
     let outside = || all().filter(|case| !case.label.listed);
     let shares = |named: &ScoredUnit| named.label.effects.iter().filter(|truth| named.report.blames(&truth.id)).count();
-    // A class says that one of them is there.
+    // A class claims that one of them is there.
     let every = |case: &ScoredUnit| case.names() && shares(case) == case.label.effects.len();
     let named = || all().filter(|case| case.label.listed && case.names());
     let detects = |case: &ScoredUnit| case.report.detects();
@@ -214,7 +214,7 @@ mod tests {
         TrueFault { id: id.into(), stage, size: 1.0, unit: "1".into(), meaning: String::new() }
     }
 
-    /// A case: true ids, listed, strength, verdict, stage said, blamed ids with a probability each.
+    /// A case: true ids, listed, strength, verdict, stage of the verdict, named ids with a probability each.
     fn case(
         truths: &[&str],
         listed: bool,
@@ -348,7 +348,7 @@ mod tests {
         assert_eq!(named(None, 300.0).missed_by(), Some(MissedBy::Method));
         assert_eq!(named(Some(5.0), 300.0).missed_by(), Some(MissedBy::Recordings));
         assert_eq!(named(Some(5.0), 3.0).missed_by(), Some(MissedBy::Recordings));
-        // What the answer leaves says nothing of the recordings.
+        // The remainder of the answer is no information about the recordings.
         assert_eq!(named(Some(500.0), 3.0).missed_by(), Some(MissedBy::Tolerance));
         assert_eq!(named(None, 3.0).missed_by(), Some(MissedBy::Tolerance));
         let more = &[("load", 0.9), ("backlash", 0.9)];

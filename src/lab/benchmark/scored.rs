@@ -19,7 +19,7 @@ pub enum MissedBy {
     /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
     /// ([`expected_log_bayes_factor`](crate::benchmark::isolability::expected_log_bayes_factor)).
     Recordings,
-    /// It gains more, or nobody knows how much; but the answer leaves no more than the method lets a right model leave ([`DiagnosisReport::leaves`]).
+    /// It gains more, or the gain is not known, but the answer leaves no more than the method lets a right model leave ([`DiagnosisReport::leaves`]).
     Tolerance,
     /// The rest: what was left out could have been seen, or there is nothing left out and something made up.
     Method,
@@ -40,16 +40,16 @@ impl MissedBy {
     }
 }
 
-/// One unit: what was said of it, and what is so.
+/// One unit: its report, and the truth.
 #[derive(Clone, Debug)]
 pub struct ScoredUnit {
-    /// What was said.
+    /// The report.
     pub report: DiagnosisReport,
     /// What is so.
     pub label: Label,
-    /// Explained fraction on recordings that the diagnosis never saw; none where nobody tried.
+    /// Explained fraction on recordings that the diagnosis never saw; none if it was not validated.
     pub realised_fraction: Option<f64>,
-    /// Of a missed answer, what the recordings say of what it left out ([`crate::benchmark::isolability::expected_log_bayes_factor`]); none where nobody asked.
+    /// Of a missed answer, the information of the recordings about what it left out ([`crate::benchmark::isolability::expected_log_bayes_factor`]); none if it was not computed.
     pub expected_log_bayes_factor: Option<f64>,
 }
 
@@ -70,7 +70,7 @@ impl ScoredUnit {
         self.label.listed && self.label.effects.len() > 2
     }
 
-    /// Strong enough to be seen; where nobody measured the strength, every effect counts.
+    /// Strong enough to be seen; if the strength was not measured, every effect counts.
     pub(super) fn visible(&self) -> bool {
         let strength = self.label.strength_ratio;
         !self.sound() && (strength.is_nan() || strength >= VISIBLE_RATIO)
@@ -95,7 +95,7 @@ impl ScoredUnit {
         }
     }
 
-    /// What is in the unit and was not said to be: of a class one effect at most is.
+    /// True effects that the verdict does not name: of a class one effect at most counts as named.
     pub fn hidden(&self) -> impl Iterator<Item = &TrueFault> {
         let blamed = |truth: &&TrueFault| self.report.blames(&truth.id);
         let most = if self.says(Verdict::Class) { 1 } else { usize::MAX };
@@ -104,7 +104,7 @@ impl ScoredUnit {
         self.label.effects.iter().filter(move |truth| !report.contains(&truth.id.as_str()))
     }
 
-    /// Whether the verdict names an effect that is not there; a class only says that one of several is.
+    /// Whether the verdict names an effect that is not there; a class only claims that one of several is.
     #[must_use]
     pub(crate) fn makes_up(&self) -> bool {
         let there = |id: &str| self.label.effects.iter().any(|truth| truth.id == id);

@@ -7,7 +7,7 @@ use govtwin_diagnosis::result::{Blame, Interval, Verdict};
 
 /// The questions that a score asks of a report.
 pub trait ScoredReport {
-    /// Whether it says that something is there.
+    /// Whether it reports a fault.
     #[must_use]
     fn detects(&self) -> bool;
 

@@ -83,16 +83,16 @@ impl Measured {
 /// One bin of a reliability curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bin {
-    /// Mean of the probabilities said.
+    /// Mean of the reported probabilities.
     pub stated_probability: f64,
     /// How often it was so.
     pub was: Measured,
 }
 
-/// A probability that was said, with whether it was so, and how much it counts.
+/// A reported probability, whether the claim was true, and its weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StatedProbability {
-    /// The probability said.
+    /// The reported probability.
     pub stated_probability: f64,
     /// Whether it was so.
     pub was: bool,
@@ -100,7 +100,7 @@ pub struct StatedProbability {
     pub weight: f64,
 }
 
-/// Probabilities said against what was so, in bins of a tenth; empty bins are left out.
+/// Reported probabilities against observed frequencies, in bins of a tenth; empty bins are left out.
 #[must_use]
 pub fn reliability(claims: &[StatedProbability]) -> Vec<Bin> {
     (0..10)
@@ -117,10 +117,10 @@ pub fn reliability(claims: &[StatedProbability]) -> Vec<Bin> {
         .collect()
 }
 
-/// Share of units that are taken to be sound beforehand, as many as faulty ones: a battery has fewer, so that faults are met more often.
+/// Prior share of fault-free units, as many as faulty ones; a battery has fewer, to contain more faults.
 const SOUND: f64 = 0.5;
 
-/// By how much more a sound unit of a set counts than a faulty one, so that sound ones stand for half of it.
+/// Weight of a fault-free unit of a set relative to a faulty one, so that fault-free ones are half of it.
 #[must_use]
 pub fn weight_of_sound(sound: usize, all: usize) -> f64 {
     if (1..all).contains(&sound) { SOUND / (1.0 - SOUND) * (all - sound) as f64 / sound as f64 } else { 1.0 }

@@ -25,7 +25,7 @@ pub struct Parents<'a> {
     pub refitted: Option<&'a FeatureTable>,
 }
 
-/// Trains on the rows that teach; what it says of those that judge.
+/// Trains on the training rows; its estimates for the test rows.
 ///
 /// # Errors
 /// Where it cannot be trained.

@@ -18,7 +18,7 @@ const JUMP: f64 = 0.1;
 /// A signal that changes by more than this over five rows moves; the coefficient's unit is the signal's.
 const MOTION: f64 = 0.03;
 
-/// Rows that are told for each process.
+/// Rows that are listed for each process.
 const WORST: usize = 8;
 
 /// Rows before and behind the worst one that a picture shows.
@@ -34,7 +34,7 @@ pub enum Phase {
     Jump,
     /// It moves.
     Moving,
-    /// It stands, but for what chatters.
+    /// It rests, apart from chatter.
     AtRest,
 }
 
@@ -94,7 +94,7 @@ pub struct Broken {
     pub parts: Vec<PhaseErrors>,
     /// By how much each parent's trace comes too late on these rows, s: of the shifts tried the one with the least mean absolute error.
     pub shift_s: Vec<(&'static str, f64)>,
-    /// Of what the first model loses to the second in squared error, the share that lies in the told rows; `null` where it loses nothing.
+    /// Of what the first model loses to the second in squared error, the share in the listed rows; `null` if it loses nothing.
     pub decided_share: Option<f64>,
     /// The rows on which the first model loses most to the second.
     pub worst: Vec<DecidingRow>,
@@ -135,7 +135,7 @@ pub fn phase(table: &FeatureTable, row: usize) -> Phase {
     }
 }
 
-/// Breaks errors down; `rows` are those that judge, and every parent a table with the same rows.
+/// Breaks errors down; `rows` are the test rows, and every parent a table with the same rows.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn breakdown(

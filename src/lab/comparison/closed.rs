@@ -1,4 +1,4 @@
-//! The additive residual against the one inside the loop, in closed-loop free run: nothing measured enters, and both positions are judged.
+//! The additive residual against the one inside the loop, in closed-loop free run: without measured inputs, and both positions are evaluated.
 
 use std::sync::Arc;
 
@@ -92,7 +92,7 @@ pub struct ClosedLoop {
     pub servomotor: Vec<ModelStanding>,
 }
 
-/// Trains both residuals with the manual hyperparameters on the rows that teach, and judges them on the others, guarded.
+/// Trains both residuals with the manual hyperparameters on the training rows, and evaluates them on the others, guarded.
 ///
 /// The table must have been made of these recordings, in closed loop, with inputs that run straight between rows on a grid of `grid_ns`.
 ///
@@ -174,7 +174,7 @@ mod tests {
     use govtwin_model::replay::simulate;
     use govtwin_model::twin::Twin;
 
-    /// A wavy command; the recorded spool stands off the twin's by `gap_pu`.
+    /// A wavy command; the recorded spool is off the twin's by `gap_pu`.
     fn recording(rows: i64, gap_pu: f64) -> Recording {
         let mut twin = Twin::new(&govtwin_model::params::reference());
         let frame = |k: i64| {
@@ -195,7 +195,7 @@ mod tests {
         let own = recording(300, 0.0);
         let pulled = pull(&unit, &own, PULL_1_S);
         assert_eq!((pulled.targets.len(), pulled.values.len()), (300, 300 * FEATURES));
-        // A spool that stands off all the time pulls all the time, to its side.
+        // A spool that is always off pulls always, to its side.
         let mean = |gap: f64| {
             let targets = pull(&unit, &recording(300, gap), PULL_1_S).targets;
             targets.iter().sum::<f64>() / targets.len() as f64

@@ -62,7 +62,7 @@ pub fn estimates(
     rows.iter().map(of).collect()
 }
 
-/// A trained model and what it says of the rows that judge.
+/// A trained model and its estimates for the test rows.
 ///
 /// # Errors
 /// Where it cannot be trained.
@@ -81,7 +81,7 @@ pub fn trained(
     Ok((model, said))
 }
 
-/// What models say of a process that none of them saw.
+/// Estimates of models for a process that none of them was trained on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOutProcess {
     /// The process.

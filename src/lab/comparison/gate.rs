@@ -1,4 +1,4 @@
-//! A gate between models, learned on validation folds: how much of each where the twin stands still, and where it moves.
+//! A gate between models, learned on validation folds: the weight of each where the twin rests, and where it moves.
 //!
 //! `y = Σ mᵢ·yᵢ` with weights that are not negative and add up to 1, chosen by mean absolute error for each level of motion, on predictions
 //! for rows that no model was trained on. A level with too few rows keeps the first model.
@@ -53,7 +53,7 @@ impl BlendGate {
         self.edges.partition_point(|edge| *edge <= motion)
     }
 
-    /// What all models say together of a row.
+    /// The combined estimate of all models for a row.
     #[must_use]
     pub fn value(&self, motion: f64, words: &[f64]) -> f64 {
         self.weight_shares.get(self.level(motion)).map_or(f64::NAN, |shares| mixed(shares, words))
@@ -103,7 +103,7 @@ mod tests {
             let mark = &table.marks[*row];
             assert!((gate.value(mark.motion, words) - mark.measured).abs() < 1e-12);
         }
-        // Too few rows teach nothing.
+        // Too few training rows give no gate.
         assert_eq!(BlendGate::learned(&table, 3, &words[..50]).weight_shares, vec![vec![1.0, 0.0, 0.0]; 5]);
     }
 

@@ -1,10 +1,10 @@
-//! What no model can know: the error of a twin against itself, the noise that its regulator hears drawn anew.
+//! The limit of any model: the error of a twin against itself, with the noise in its regulator's readings drawn anew.
 //!
 //! Two runs of one unit along the same recorded inputs differ by what the noise inside the loop does to valve and spool, and by nothing else, each read by its recorder's transducer.
 //! The best estimate of one of them is their mean, so that `(one − other)/√2` is an error of the size that is left to a model that knows all but the
 //! noise.
 //!
-//! [`LimitKnowledge::Rows`] adds what a recorder of slow rows hides from every model that it feeds: the noise of the recorded opening, which stands in for the
+//! [`LimitKnowledge::Rows`] adds what a recorder of slow rows hides from every model that it feeds: the noise of the recorded opening, which replaces the
 //! regulator's own reading, and the command between rows. The command is taken to wander there as it wanders from row to row, as a Brownian bridge
 //! whose step is the median of the second differences around. The regulator multiplies both, and jumps over the dead band where they cross its edge.
 
@@ -111,7 +111,7 @@ fn wander(frames: &mut [Frame], rows: &[usize], draws: &mut Draws) {
     }
 }
 
-/// A twin whose regulator hears noise.
+/// A twin with noise in its regulator's readings.
 fn noisy(unit: &Unit, recording: &Recording, seed: u64) -> Twin {
     let mut plant = Plant::new(&unit.parameters);
     effects::apply(unit, &mut plant);

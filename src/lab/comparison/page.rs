@@ -173,7 +173,7 @@ pub fn page(summary: &ComparisonSummary, shown: &Shown) -> Result<Page, DrawErro
     Ok(page)
 }
 
-/// Why the paper's hybrid loses to data alone, and what each step against it brings.
+/// Why the paper's hybrid is worse than data alone, and the gain of each remedy.
 fn why(body: &mut PageBody, summary: &ComparisonSummary, shown: &Shown) -> Result<(), DrawError> {
     let unit = shown.rows.layout.signal.unit();
     body.heading("Where the MDHM is worse than the DDM");

@@ -1,4 +1,4 @@
-//! The figures of a comparison for machines; the schema stands in [`crate::comparison`].
+//! The figures of a comparison for machines; the schema is in [`crate::comparison`].
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ pub struct ComparisonSummary {
     pub schema: &'static str,
     /// Program and version.
     pub program: &'static str,
-    /// What the recordings' folder says of where they come from.
+    /// The origin that the recordings' folder states.
     pub origin: Option<String>,
     /// Everything that was chosen.
     pub settings: BTreeMap<&'static str, String>,
@@ -51,7 +51,7 @@ pub struct ComparisonSummary {
     pub searches: Vec<Searched>,
     /// Features of the MDHM, the strongest first.
     pub importance: Vec<Importance>,
-    /// The MDHM's band on rows that nobody was trained on.
+    /// The MDHM's band on rows that no model was trained on.
     pub band: Option<Covered>,
     /// The same under the guard by processes, by distance from the rows that taught.
     pub band_by_distance: Vec<CoveredAt>,

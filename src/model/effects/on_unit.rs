@@ -51,7 +51,7 @@ impl Unit {
     /// are neutral. The effect is one of the [catalogue](CATALOGUE), or one that [`Unit::with_own_effect`] defined.
     ///
     /// # Errors
-    /// When no such effect or parameter is known, or a value lies outside of its physical range.
+    /// When no such effect or parameter is known, or a value is outside its physical range.
     ///
     /// ```
     /// let worn = govtwin::reference_unit().with_effect("spool_friction", &[("coulomb_n", 400.0)])?;

@@ -1,6 +1,6 @@
 //! Effects of the owner's: a force, flow or signal term with an expression in the state, from a file alone.
 //!
-//! What the expression says is added to the signal at its point. It is evaluated once a tick with the state at the tick's
+//! The value of the expression is added to the signal at its point. It is evaluated once a tick with the state at the tick's
 //! start and holds over the tick, so that a force that falls by more than twice the mass within a tick's change of
 //! speed makes the simulation ring; where it gives no finite number, nothing is added.
 
@@ -18,7 +18,7 @@ use crate::plant::term::{Point, Term, View};
 
 /// States at which a definition is tried.
 const SAMPLES: usize = 256;
-/// More parameters than any recording can tell apart.
+/// No recording can distinguish more parameters.
 const MOST_PARAMETERS: usize = 6;
 
 /// What can be wrong with a definition.
@@ -69,8 +69,8 @@ impl OwnError {
     }
 }
 
-/// Definitions met so far, each with its specification, which lives as long as the program: every distinct
-/// one once, so that fits and reports treat them like the catalogue's. A twin's construction does not come here.
+/// Definitions used so far, each with a specification of static lifetime: every distinct one once, so that fits and
+/// reports treat them like the catalogue's. Building a twin does not use it.
 static MET: Mutex<Vec<(OwnEffect, &'static EffectSpec)>> = Mutex::new(Vec::new());
 
 /// The specification of an owner's effect.
@@ -88,7 +88,7 @@ pub fn spec(own: &OwnEffect) -> Result<&'static EffectSpec, OwnError> {
     Ok(spec)
 }
 
-/// The stage to which a term at a point belongs unless its owner says otherwise.
+/// The stage to which a term at a point belongs unless its definition names another.
 fn usual_stage(point: Point) -> Stage {
     match point {
         Point::Command | Point::RegulatorServomotor | Point::RegulatorSpool | Point::ValveCurrent => Stage::Regulator,
@@ -100,7 +100,7 @@ fn usual_stage(point: Point) -> Stage {
     }
 }
 
-/// Builds an owner's effect into a plant; values that the setting lacks are neutral. A definition that is not right adds nothing.
+/// Builds an owner's effect into a plant; values that the setting lacks are neutral. An invalid definition adds nothing.
 pub(super) fn build(own: &OwnEffect, values: &[f64], plant: &mut Plant) {
     if let Ok((_, law)) = law(own) {
         let missing = law.neutral.iter().skip(values.len());
@@ -109,7 +109,7 @@ pub(super) fn build(own: &OwnEffect, values: &[f64], plant: &mut Plant) {
     }
 }
 
-/// The law that a definition says, and its stage.
+/// The law of a definition, and its stage.
 fn law(own: &OwnEffect) -> Result<(Stage, OwnLaw), OwnError> {
     let unknown = |key, found: &str, known| OwnError::Unknown { key, found: found.to_owned(), known };
     if !is_name(&own.id) || find(&own.id).is_some() {
@@ -138,7 +138,7 @@ fn law(own: &OwnEffect) -> Result<(Stage, OwnLaw), OwnError> {
     Ok((stage, OwnLaw { law: Arc::new(Law { point, expression: compile(own)? }), neutral }))
 }
 
-/// The specification of a definition; what it holds lives as long as the program.
+/// The specification of a definition; its contents have static lifetime.
 fn specified(own: &OwnEffect) -> Result<EffectSpec, OwnError> {
     let (stage, law) = law(own)?;
     let typical: Vec<f64> = own.parameters.iter().map(|parameter| parameter.typical).collect();

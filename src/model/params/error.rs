@@ -1,4 +1,4 @@
-//! What can be wrong with a parameter file, told so that its reader can mend it.
+//! What can be wrong with a parameter file, with what its reader needs to correct it.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ pub struct FileProblem {
     pub line: Option<usize>,
     /// Dotted key, such as `oil.density_kg_m3`; empty where it concerns the whole file.
     pub key: String,
-    /// What was found, what is expected, and the way out.
+    /// What was found, what is expected, and the suggested fix.
     pub message: String,
 }
 

@@ -1,4 +1,4 @@
-//! Lays what one file says over a sheet, and collects everything that is wrong with it.
+//! Applies one file to a sheet, and collects everything that is wrong with it.
 
 mod effect;
 mod own_effect;

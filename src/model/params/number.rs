@@ -9,7 +9,7 @@ use crate::parameters::Tolerance;
 pub fn number_text(value: f64) -> String {
     let size = value.abs();
     if !value.is_finite() {
-        // YAML's own words; no parameter takes them, but an error message may have to show one.
+        // YAML's own words; no parameter accepts them, but an error message may have to show one.
         return if value.is_nan() {
             ".nan"
         } else if value > 0.0 {

@@ -31,7 +31,7 @@ pub struct Sheet {
 }
 
 impl Sheet {
-    /// A sheet that says nothing yet.
+    /// An empty sheet.
     pub(super) fn blank() -> Self {
         Self {
             name: String::new(),
@@ -49,7 +49,8 @@ impl Sheet {
     }
 }
 
-/// Digest of all that a unit is: values, tolerances, transducers, effects, and scale and zero of its channels where they are not in pu. Two files that say the same have one digest.
+/// Digest of a unit: values, tolerances, transducers, effects, and scale and zero of its channels where they are not in pu. Two files that
+/// describe the same unit have one digest.
 #[must_use]
 pub fn unit_digest(unit: &Unit) -> String {
     let mut digest = Digest::default();

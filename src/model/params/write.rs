@@ -1,4 +1,4 @@
-//! Writes an overlay: a file that holds only what differs, and that reads back to the last bit.
+//! Writes an overlay: a file with the differences only, which reads back to the last bit.
 
 mod effects;
 mod whole;
@@ -19,7 +19,7 @@ use super::{reference, sheet_over_reference};
 
 pub use whole::{WholeSheet, whole_text};
 
-/// What an overlay file says.
+/// The contents of an overlay file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Overlay {
     /// The unit; the file holds what of it differs from the shipped one.
@@ -136,7 +136,7 @@ fn recorded(lines: &mut Vec<String>, unit: &Unit) {
     }
 }
 
-/// What stands behind `tol:`.
+/// The value of `tol:`.
 fn tolerance_yaml(tolerance: Option<Tolerance>) -> String {
     match tolerance {
         None => "~".to_owned(),

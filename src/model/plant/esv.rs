@@ -26,7 +26,7 @@ impl Esv {
 }
 
 impl<T: Real> Esv<T> {
-    /// Flow into the control chamber, given what the pilot valve offers.
+    /// Flow into the control chamber, given the flow of the pilot valve.
     #[inline(always)]
     #[must_use]
     pub fn flow(&self, opening_pu: T, pilot: Flow<T>, control_pressure_pa: T, return_pa: T) -> Flow<T> {

@@ -1,7 +1,7 @@
 //! Friction: Coulomb's, with a viscous core at rest and Stribeck's fall from a higher value.
 //!
 //! `F = F_c (1 + (r − 1) e^(−|v|/v_s)) sat(v/v_0)`: below v_0 the friction is linear in the speed, so that
-//! every method sees a slope, and a body at rest creeps at less than v_0. Stribeck's term is 0 on the sheet (r = 1).
+//! every method has a finite derivative, and a body at rest creeps at less than v_0. Stribeck's term is 0 on the sheet (r = 1).
 //! Source: Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30(7), section 2.
 //!
 //! | symbol | meaning | unit |

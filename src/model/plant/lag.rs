@@ -15,7 +15,7 @@ pub fn lag(point: Point, time_constant_s: f64, tick_s: f64) -> Arc<dyn Term> {
 #[derive(Debug)]
 struct LagLaw {
     point: Point,
-    /// What a tick leaves of a difference.
+    /// The share of a difference that remains after a tick.
     decay_ratio: f64,
     /// The time constant in ticks.
     ticks_count: f64,
@@ -36,7 +36,7 @@ impl Term for LagLaw {
 
     fn apply(&self, signal: f64, _view: &View<'_>, memory: &mut [f64]) -> f64 {
         let (before, late) = (memory[0], memory[1]);
-        // Behind a ramp what is late settles `time constant × slope` below the signal.
+        // Behind a ramp the output settles `time constant × slope` below the signal.
         let behind = self.ticks_count * (signal - before);
         memory[0] = signal;
         memory[1] = signal - behind + self.decay_ratio * (late - before + behind);

@@ -1,4 +1,4 @@
-//! Several numbers in the lanes of one register or two: what the processor at hand has is found out when the program runs.
+//! Several numbers in the lanes of one register or two; the processor's registers are detected at run time.
 //!
 //! Sixteen lanes with AVX-512, eight with AVX2, four with NEON, two elsewhere. Of crates that know instruction sets at run time, `pulp` gives
 //! typed registers without unsafe code in what uses it.
@@ -34,9 +34,9 @@ pub trait Wide: Real {
 
 /// Work that can be done in lanes of any width.
 pub trait LaneWork {
-    /// What comes of it.
+    /// Its result.
     type Output;
-    /// Does it; `zero` tells the width, and all constants are made like it.
+    /// Runs it; `zero` has the width, and all constants are made like it.
     fn run<T: Wide>(self, zero: T) -> Self::Output;
 }
 
@@ -356,7 +356,7 @@ impl<T, A: Abreast<T>> Abreast<T> for [A; 2] {
     }
 }
 
-/// Says of a law with these quantities that they can stand side by side.
+/// Implements lanes for a law with these quantities.
 macro_rules! abreast {
     ($law:ident { $($quantity:ident),* $(,)? }) => {
         impl<T> $crate::plant::lanes::Abreast<T> for $law {
@@ -375,7 +375,7 @@ macro_rules! abreast {
     };
 }
 
-/// Gives what holds these quantities in lanes a way to look at one lane.
+/// Implements access to one lane for a type with these quantities in lanes.
 macro_rules! apart {
     ($law:ident { $($quantity:ident),* $(,)? }) => {
         impl<T: $crate::plant::lanes::Wide> $law<T> {

@@ -25,7 +25,7 @@ pub struct MainPorts<T = f64> {
     pub closing_overlap_m: T,
     /// Radius of the metering edges `r`, m; 0 on the sheet.
     pub edge_radius_m: T,
-    /// Steady flow force per port travel and pressure drop, m: `2 C_d w cos θ` where it counts, 0 on the sheet.
+    /// Steady flow force per port travel and pressure drop, m: `2 C_d w cos θ` if it is modelled, 0 on the sheet.
     pub flow_force_m: T,
     /// The theoretical flow-force coefficient `2 C_d w cos 69°`, m (Merritt 1967, section 5.6).
     pub theoretical_flow_force_m: T,
@@ -41,7 +41,7 @@ abreast!(MainPorts {
     theoretical_flow_force_m,
 });
 
-/// Flows into the two chambers, and what the servomotor draws from the tank.
+/// Flows into the two chambers, and from the tank.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PortFlows<T = f64> {
     /// Into the opening chamber; slope against its own pressure.

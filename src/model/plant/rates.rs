@@ -1,4 +1,4 @@
-//! The whole continuous plant as one system of ordinary differential equations, for methods that want it so.
+//! The whole continuous plant as one system of ordinary differential equations, for methods that need it in this form.
 
 use crate::plant::{Drive, Plant};
 use crate::state::State;
@@ -75,7 +75,7 @@ pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
 /// A law of change, whole or in part.
 pub type Rates = fn(&Plant, &State, &Drive) -> State;
 
-/// The same of the servomotor alone, while pilot valve and spool stand where somebody else put them.
+/// The same of the servomotor alone, with pilot valve and spool at given positions.
 #[must_use]
 pub(crate) fn piston_rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     State {

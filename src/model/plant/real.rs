@@ -1,8 +1,8 @@
 //! The numbers in which the plant's laws are written: one `f64`, or several side by side in the lanes of one register.
 //!
 //! A law that is written over [`Real`] exists once and serves a single twin as well as a batch of them. Where it branches,
-//! `either!` takes the branch of a single number, works out only the branch taken where all lanes agree, and both where they differ.
-//! Each lane goes through the very operations of a single number, in the same order, so that results are equal to the last bit.
+//! `either!` takes the branch of a single number; of lanes it computes one branch if all agree, and both if they differ.
+//! Each lane has the operations of a single number, in the same order, so that results are equal to the last bit.
 //! Everything here and every law written over it must be inlined into the function that is compiled for the lanes' instructions: a call out
 //! of it would be compiled for the oldest processor. Hence `inline(always)` throughout, on closures as well.
 
@@ -45,7 +45,7 @@ pub trait Real:
     /// Held between two limits; not a number stays so.
     #[must_use]
     fn clamp(self, min: Self, max: Self) -> Self;
-    /// The exponential; where a mask holds nobody wants it, and it may be anything.
+    /// The exponential; in masked lanes the result is not used and may be any value.
     #[must_use]
     fn exp_unless(self, unwanted: Self::Mask) -> Self;
     /// Whether it equals another.
@@ -84,7 +84,7 @@ pub trait Truth<T: Real<Mask = Self>>: Copy + BitAnd<Output = Self> + BitOr<Outp
     /// Whether it holds everywhere.
     fn all(self) -> bool;
 
-    /// The first result where it holds, the second elsewhere; a result that no lane wants is not worked out.
+    /// The first result where the mask holds, the second elsewhere; a result that no lane uses is not computed.
     #[inline(always)]
     #[must_use]
     fn either<R: Lanewise<T>>(self, yes: impl FnOnce() -> R, no: impl FnOnce() -> R) -> R {
@@ -98,7 +98,7 @@ pub trait Truth<T: Real<Mask = Self>>: Copy + BitAnd<Output = Self> + BitOr<Outp
     }
 }
 
-/// [`Truth::either`] of two expressions, of which only what is wanted is worked out.
+/// [`Truth::either`] of two expressions, of which only the needed ones are computed.
 macro_rules! either {
     ($mask:expr, $yes:expr, $no:expr $(,)?) => {
         $crate::plant::real::Truth::either(

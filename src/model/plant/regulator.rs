@@ -19,7 +19,7 @@ pub struct Regulator {
     /// Noise of the servomotor reading inside the loop, one standard deviation, pu; 0 for a twin that is one
     /// realisation, the sheet's for one that is the mean of many.
     pub dither_pu: f64,
-    /// What the regulator takes a command for, over the command; 1 on the sheet.
+    /// The command as the regulator reads it, over the command; 1 on the sheet.
     pub command_gain: f64,
     /// Greatest current that reaches the proportional valve, pu; 1 on the sheet.
     pub current_limit_pu: f64,

@@ -1,7 +1,7 @@
-//! Terms: what an effect adds to the plant where no block has a coefficient for it.
+//! Terms: additions of effects for which no block of the plant has a coefficient.
 //!
-//! A term stands at one point of the chain, sees the signal there and the state of the last tick, and
-//! returns the signal that goes on. Its memory lives in the twin's state and advances once a tick.
+//! A term acts at one point of the chain, reads the signal there and the state of the last tick, and
+//! returns the changed signal. Its memory is in the twin's state and advances once a tick.
 
 pub(crate) mod delay;
 pub(crate) mod play;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use crate::state::State;
 
-/// Where in the chain a term stands.
+/// Where in the chain a term acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Point {
     /// The opening command on its way to the regulator, pu.
@@ -20,15 +20,15 @@ pub enum Point {
     EsvOpening,
     /// The tank's pressure as it reaches the valves, Pa.
     SupplyPressure,
-    /// The servomotor's reading as the regulator takes it in, pu.
+    /// The servomotor's reading in the regulator, pu.
     RegulatorServomotor,
-    /// The spool's reading as the regulator takes it in, pu.
+    /// The spool's reading in the regulator, pu.
     RegulatorSpool,
     /// The regulator's current to the proportional valve, pu.
     ValveCurrent,
     /// The servomotor's transducer, pu.
     ServomotorReading,
-    /// The spool's position as it drives the ports where it is recorded, m; of a simulated spool nothing passes here.
+    /// The spool's position as it drives the ports where it is recorded, m; not used for a simulated spool.
     DrivingSpool,
     /// Force on the spool, N, + opens.
     SpoolForce,
@@ -101,9 +101,9 @@ pub struct View<'a> {
     pub servomotor_reading_pu: f64,
 }
 
-/// A law that stands at one point of the chain.
+/// A law that acts at one point of the chain.
 pub trait Term: fmt::Debug + Send + Sync {
-    /// Where it stands.
+    /// Where it acts.
     fn point(&self) -> Point;
 
     /// How many numbers it remembers.
@@ -114,7 +114,7 @@ pub trait Term: fmt::Debug + Send + Sync {
     /// Sets its memory for a signal that has long been constant.
     fn reset(&self, _signal: f64, _memory: &mut [f64]) {}
 
-    /// The signal that goes on; called once a tick.
+    /// The changed signal; called once a tick.
     fn apply(&self, signal: f64, view: &View<'_>, memory: &mut [f64]) -> f64;
 }
 
@@ -123,7 +123,7 @@ pub trait Term: fmt::Debug + Send + Sync {
 pub struct Terms {
     list: Vec<(Arc<dyn Term>, usize)>,
     ranges: [(usize, usize); POINTS],
-    /// A bit for each point at which something stands: most ticks pass points where nothing does.
+    /// A bit for each point that has a term: most points have none.
     occupied: u16,
     memory_len: usize,
 }
@@ -157,7 +157,7 @@ impl Terms {
         self.memory_len == other.memory_len && self.list.iter().map(place).eq(other.list.iter().map(place))
     }
 
-    /// True when nothing stands at the point.
+    /// True when no term acts at the point.
     #[inline]
     #[must_use]
     pub(crate) fn is_empty_at(&self, point: Point) -> bool {

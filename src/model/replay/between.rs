@@ -1,16 +1,16 @@
 //! What drives a unit between slow samples: inputs that run straight, and trips amid the pause in which they came.
 //!
-//! A recorder that takes a row every 0.2 s says nothing of the time between. A twin that holds the inputs of a row until the next one
+//! A recorder with a row every 0.2 s has no information on the time between. A twin that holds the inputs of a row until the next one
 //! lags by half a pause on a ramp, and moves after a trip one row later than the unit. Here command, tank pressure and measured opening run
 //! straight from row to row, and a trip that a slow recorder wrote down with the next row comes amid the pause: half a pause is the mean
-//! of what nobody knows. A row is estimated from itself and from rows before it, and from nothing that is corrected or judged.
+//! of what is not known. A row is estimated from itself and from rows before it, and from nothing that is corrected or evaluated.
 
 use super::simulate;
 use crate::frame::{Estimate, EsvState, Frame, Signals};
 use crate::recording::{Recording, SLOW_NS};
 use crate::twin::Twin;
 
-/// Rows farther apart than this are a gap: where in it a trip came, nobody can say, ns.
+/// Rows farther apart than this are a gap: the time of a trip in it is not known, ns.
 const GAP_NS: i64 = 1_000_000_000;
 
 /// One estimate for each row of a recording, the inputs running straight between them on a grid of `period_ns`.

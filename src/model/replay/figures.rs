@@ -31,7 +31,7 @@ pub struct SignalFigures {
     pub name: &'static str,
     /// Unit of the figures; that of `r2` is 1.
     pub unit: &'static str,
-    /// The measured signal stands in for the simulated one, which is therefore not judged.
+    /// The measured signal replaces the simulated one, which is therefore not evaluated.
     pub stands_in: bool,
     /// Rows compared.
     pub rows: u64,

@@ -27,11 +27,11 @@ pub struct Rung {
 /// All rungs, the unit as given first, then units, then residuals.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ladder {
-    /// Id of the signal that is judged.
+    /// Id of the signal that is evaluated.
     pub signal: &'static str,
     /// The rungs.
     pub rungs: Vec<Rung>,
-    /// What they say, in sentences.
+    /// The findings, in sentences.
     pub findings: Vec<String>,
 }
 
@@ -59,7 +59,7 @@ impl Ladder {
         Self { signal: signal.id(), rungs, findings }
     }
 
-    /// The signal that is judged.
+    /// The signal that is evaluated.
     #[must_use]
     pub fn judged(&self) -> Signal {
         Signal::ALL.into_iter().find(|signal| signal.id() == self.signal).unwrap_or(Signal::SpoolPosition)
@@ -76,7 +76,7 @@ impl Ladder {
     }
 }
 
-/// What a process says that a residual was not trained on: the best unit's reduction beside that of the residual.
+/// The finding of a process that a residual was not trained on: the best unit's reduction beside that of the residual.
 fn finding(signal: Signal, rungs: &[Rung], process: Process) -> Option<String> {
     let delivered = rungs.first()?.mae(Some(process), signal)?;
     let units = rungs.iter().skip(1).filter(|rung| rung.model.is_none());

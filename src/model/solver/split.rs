@@ -10,7 +10,7 @@
 //! value that the law takes at `v_θ` (implicit friction as in Acary & Brogliato 2008, section 10.1); stops likewise.
 //! The spool stage takes half a millisecond, the four times slower piston stage a tick with the mean port
 //! travel. θ is 1/2 where the flow hardly depends on the pressure, which is of order 2 and neither damps nor excites the oil columns.
-//! A chamber that stands open to return or supply fills within a step, and would swing for ever between two pressures
+//! A chamber that is open to return or supply fills within a step, and would oscillate for ever between two pressures
 //! about the right one; see `Chamber` below.
 
 use crate::plant::lanes::{Abreast, Wide};
@@ -25,7 +25,7 @@ use crate::state::State;
 /// Greatest step of the spool stage, s.
 pub const SPOOL_STEP_S: f64 = 5.0e-4;
 
-/// What holds over a tick besides the drive.
+/// Constants over a tick besides the drive.
 #[derive(Clone, Copy, Debug)]
 struct Held<T> {
     /// Pressure at the valve, Pa.
@@ -229,7 +229,7 @@ impl<T: Real> Split<T> {
     }
 }
 
-/// A chamber over a step: what its oil takes up for a pascal more, and what flows out less, m³/Pa both.
+/// A chamber over a step: volume stored and outflow for each pascal more, m³/Pa both.
 ///
 /// Their ratio, the step over the time in which the flow fills the chamber, is the chamber's stiffness s. What follows from s is written
 /// with the two as they are: a quotient of polynomials costs one division, of which the chain has no more than it needs.
@@ -274,7 +274,7 @@ impl<T: Real> Chamber<T> {
     /// g: θ times the pressure that one m³/s more over the step would add, Pa s/m³.
     ///
     /// Along the tangent of a root a stiff step lands as far beyond the point without flow as it started before it (Newton's step on a square
-    /// root); the slope is led over to the chord, which is twice as steep and lands on that point, by 1 + s² / (4 + s²).
+    /// root); the derivative passes over to the chord, which is twice as steep and ends at that point, by 1 + s² / (4 + s²).
     #[inline(always)]
     fn gain(self, weight: Weight<T>, step_s: f64) -> T {
         let (c, o) = (self.compliance_m3_pa, self.outflow_m3_pa);

@@ -19,16 +19,16 @@ use super::readings::positions_pu;
 use super::tick::{Chain, Seen, TickReads, large_loop, tick};
 use super::{Twin, estimate};
 
-/// One row, and whether somebody looks at the twins there.
+/// One row, and whether the estimates there are used.
 #[derive(Clone, Copy, Debug)]
 pub struct BatchRow {
     /// The row.
     pub frame: Frame,
-    /// Whether somebody looks.
+    /// Whether the estimates are used.
     pub is_sample: bool,
 }
 
-/// The estimates of several twins, each started anew, at the rows at which somebody looks.
+/// The estimates of several twins, each started anew, at the rows whose estimates are used.
 ///
 /// `rows` are those of each twin, or those of all; they agree in everything but command and ESV. No more twins than the width has lanes.
 #[must_use]
@@ -52,7 +52,7 @@ pub fn signals<I: Iterator<Item = BatchRow>>(
     watch.traces
 }
 
-/// What is kept of the twins at the rows at which somebody looks.
+/// What is kept of the twins at the rows whose estimates are used.
 struct KeptRows {
     /// Which signals; everything where none are named.
     wanted: Option<[bool; Signal::ALL.len()]>,
@@ -166,7 +166,7 @@ impl TwinRows {
         &self.all[lane.min(self.count - 1)]
     }
 
-    /// Inputs with what these rows bring.
+    /// Inputs updated by these rows.
     #[inline(always)]
     fn renewed<T: Wide>(&self, old: &Acting<T>) -> Acting<T> {
         if self.count == 1 {
@@ -194,14 +194,14 @@ impl TwinRows {
     }
 }
 
-/// Plants in lanes, with what terms and large loops remember in each.
+/// Plants in lanes, with the memories of terms and large loops in each.
 struct LaneSide<'a, T> {
     twins: &'a mut [Twin],
     bank: Bank<T>,
     steps: Split<T>,
     /// Where all large loops run in every so many ticks, that number.
     whole_ticks: Option<u64>,
-    /// By point whether a term stands there in any lane.
+    /// By point whether any lane has a term there.
     occupied: [bool; POINTS],
 }
 

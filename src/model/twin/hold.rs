@@ -1,16 +1,16 @@
-//! The demand of a slowed large loop of which nobody knows when it runs: a mean over all that it may still hold.
+//! The demand of a slowed large loop whose instants are unknown: a mean over all values that it may still hold.
 
-/// How fast the spool settles on its demand, s: with that it follows 0.4 of what is held for 10 ms, as measured on simulated units.
+/// Time constant of the spool towards its demand, s: it follows 0.4 of a demand held for 10 ms, as measured on simulated units.
 const SETTLING_S: f64 = 0.031;
 
 /// The last demands that a loop with the sheet's period would have made.
 ///
-/// A slow loop whose period jitters stands anywhere in its hold: what it holds is as old as any time up to its period, each as likely. Of a
+/// A slow loop whose period jitters may be anywhere in its hold: the age of what it holds is uniform up to its period. Of a
 /// loop that runs `n` times while the slow one runs once, that is the mean of the last `n` demands, `n` any number from 1 on.
 #[derive(Clone, Debug)]
 pub(super) struct Hold {
     runs_count: f64,
-    /// How much farther the spool follows what is held so long.
+    /// How much farther the spool follows a demand held so long.
     followed_ratio: f64,
     /// Newest first.
     demands_pu: Vec<f64>,

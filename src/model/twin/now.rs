@@ -18,7 +18,7 @@ abreast!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa });
 apart!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa });
 
 impl Acting {
-    /// Takes what is finite of new inputs; the rest stays in force.
+    /// Takes the finite ones of new inputs; the others keep their values.
     pub(super) fn renew(&mut self, new: &Inputs) {
         self.esv_opening_pu = esv_opening_pu(new.esv);
         if new.opening_command_pu.is_finite() {
@@ -45,7 +45,7 @@ pub(super) struct Demand<T = f64> {
 abreast!(Demand { spool_command_pu, sd_pu });
 apart!(Demand { spool_command_pu, sd_pu });
 
-/// What changes from tick to tick, besides what terms and the large loop remember.
+/// The state from tick to tick, besides the memories of terms and the large loop.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Now<T = f64> {
     pub state: State<T>,

@@ -1,4 +1,4 @@
-//! What the transducers show between two ticks, and what stands in for them at a cut.
+//! The readings of the transducers between two ticks, and what replaces them at a cut.
 
 use crate::frame::Frame;
 use crate::plant::Blocks;

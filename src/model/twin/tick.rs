@@ -76,7 +76,7 @@ pub(super) struct TickReads<T = f64> {
 
 apart!(TickReads { command_pu, servomotor_pu, servomotor_velocity_m_s });
 
-/// One plant or several in lanes, with what their terms and large loops remember.
+/// One plant or several in lanes, with the memories of their terms and large loops.
 pub(super) trait Chain<T: Real> {
     /// The continuous plant.
     fn blocks(&self) -> Blocks<'_, T>;

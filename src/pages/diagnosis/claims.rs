@@ -3,7 +3,7 @@
 use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::words::percent;
 
-/// Claims of a probability are compared with what came true only where so many were counted.
+/// The fewest claims of a probability from which an observed frequency is shown.
 const LEAST_CLAIMS: u64 = 5;
 
 /// How often claims of such a probability on whole chains with a data sheet were right, in a sentence.

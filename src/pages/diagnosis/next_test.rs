@@ -1,4 +1,4 @@
-//! The next test in words: what it tells apart, how an operator runs it, and why none is proposed.
+//! The next test in words: what it distinguishes, how an operator runs it, and why none is proposed.
 
 use govtwin_diagnosis::experiment::LEAST_BITS;
 use govtwin_diagnosis::result::{Diagnosis, Experiment, Verdict};
@@ -9,7 +9,7 @@ use govtwin_model::number::{fixed, significant};
 pub const CHECK_SIGNALS: &str = "Check which signals were recorded: the spool position of the main distributing valve and the position of its \
                                  servomotor are needed.";
 
-/// Share of what is open below which a test is no promise.
+/// Share of the remaining entropy below which a test is expected to settle little.
 const LITTLE: f64 = 0.1;
 
 /// A hypothesis of a posterior in words: effects joined by `+`, `none`, or `unknown:STAGE`.
@@ -55,7 +55,7 @@ fn settles(one: &Experiment) -> String {
     }
 }
 
-/// The best test in paragraphs: what it is, how to run it, and one with a trip that would tell more.
+/// The best test in paragraphs: what it is, how to run it, and one with a trip that would be more informative.
 pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
     let Some(one) = diagnosis.experiments.first() else {
         return vec![format!("Next test: {}.", nothing_to_settle(diagnosis))];
@@ -87,7 +87,7 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
     all
 }
 
-/// Lines of the summary on a terminal: what they are called, and what they say.
+/// Lines of the summary on a terminal: label and text.
 pub fn lines(diagnosis: &Diagnosis) -> Vec<(&'static str, String)> {
     if diagnosis.verdict == Verdict::NoSuchUnit {
         return vec![("next", CHECK_SIGNALS.to_owned())];

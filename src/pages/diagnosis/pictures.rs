@@ -107,7 +107,7 @@ pub fn probabilities(diagnosis: &Diagnosis) -> Picture {
     Picture::grid("Probability of each stage and of the leading effects", 2, panels)
 }
 
-/// The shape of a free term against what it depends on.
+/// The shape of a discrepancy term over its variable.
 pub fn shape(discrepancy_term: &DiscrepancyTerm) -> Picture {
     let points = |points: &[(f64, f64)]| points.iter().map(|&(x, y)| [x, y]).collect::<Vec<_>>();
     let largest =

@@ -8,7 +8,7 @@ use govtwin_diagnosis::words::{
 use govtwin_model::number::{fixed, quantity, significant};
 use govtwin_model::signal::Signal;
 
-/// Mean square beyond the noise, over that of the noise, below which a recalibrated twin leaves only noise.
+/// Mean square beyond the noise, over that of the noise, below which only noise remains after recalibration.
 const NEXT_TO_NOTHING: f64 = 0.05;
 
 /// RMS errors of the twins and the noise floor, by signal.
@@ -138,7 +138,7 @@ pub fn transfers(diagnosis: &Diagnosis) -> Table {
     table
 }
 
-/// The effects that the verdict blames; of two also what each closes on top of the other.
+/// The effects that the verdict names; of two also what each explains in addition to the other.
 pub fn blamed(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("effect")
@@ -166,7 +166,7 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
     table
 }
 
-/// Tests that would tell more.
+/// Further informative tests.
 pub fn experiments(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("test")
@@ -309,7 +309,7 @@ pub fn channels(diagnosis: &Diagnosis) -> Table {
     table
 }
 
-/// The fitted values of a blamed effect for the key figures: its first parameter.
+/// The fitted value of a named effect for the key figures: its first parameter.
 pub fn first_value(parameters: &[Fitted]) -> Option<(String, String)> {
     parameters.first().map(|one| (govtwin_diagnosis::words::parameter_title(one), value(one)))
 }

@@ -177,7 +177,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
     }
 }
 
-/// Made of one recording that says where it comes from.
+/// Made of one recording with a stated origin.
 fn synthetic() -> Provenance {
     let origin = Some("Synthetic data.".to_owned());
     Provenance {
@@ -236,7 +236,7 @@ fn every_verdict_has_a_sentence_of_its_own() {
         assert!(text.contains(&format!("verdict      {}\n", verdict.id())), "{text}");
         let html = html_of(&diagnosis, &Provenance::default());
         assert!(html.contains(expected), "{verdict:?}");
-        // How well a twin fits is said in figures.
+        // The quality of the fit is given in figures.
         assert!(!text.contains("they fit"), "{text}");
     }
 }
@@ -265,7 +265,7 @@ fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
     let nearest = "Nearest in the catalogue: servo_friction and load. It leaves more than a right one; servomotor.load_closed_n is 6.0 tolerances off.";
     diagnosis.notes.push(nearest.into());
     diagnosis.notes.push("oil.bulk_modulus_pa was fitted to the end of its range.".into());
-    // What a part of the chain leaves on its own.
+    // The remaining error of a part of the chain on its own.
     let unknown = [("servomotor".to_owned(), 185.0)].into();
     diagnosis.table.parts = vec![PartFit { part: Part::Servomotor, cost: 9e3, samples: 8e2, evidence: 0.0, unknown }];
     let page = page_of(&diagnosis);

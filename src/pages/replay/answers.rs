@@ -8,7 +8,7 @@ use govtwin_model::recording::Process;
 use govtwin_model::replay::figures::RecordingGroup;
 use govtwin_model::signal::Signal;
 
-/// The judged positions, as people call them, with what their percent is of.
+/// The evaluated positions by their usual names, with the reference of their percentages.
 const POSITIONS: [(Signal, &str, &str); 2] = [
     (Signal::ServomotorPosition, "servomotor", "its stroke"),
     (Signal::SpoolPosition, "spool", "its reference stroke"),
@@ -44,7 +44,7 @@ pub fn answers(summary: &ReplaySummary, sensors: &Sensors) -> Vec<(&'static str,
     ]
 }
 
-/// What there is to say of each position.
+/// One text for each position that has one.
 fn said(of: impl Fn(Signal, &'static str, &'static str) -> Option<String>) -> Vec<String> {
     POSITIONS.into_iter().filter_map(|(signal, name, stroke)| of(signal, name, stroke)).collect()
 }
@@ -68,7 +68,7 @@ fn farthest(summary: &ReplaySummary) -> String {
     format!("{most} in the {}: {} (RMS). {not_why}.", process.title(), there.join(", "))
 }
 
-/// What the last unit of a ladder leaves, in half a sentence.
+/// The remaining error of the last unit of a ladder, in half a sentence.
 fn after(summary: &ReplaySummary) -> Option<String> {
     let rungs = summary.ladder.iter().flat_map(|ladder| ladder.rungs.iter().skip(1));
     let last = rungs.rev().find(|rung| rung.model.is_none())?;

@@ -35,7 +35,7 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Draws them, with what another unit makes of the same recording beside it where one is given.
+    /// Draws them, beside those of another unit on the same recording if one is given.
     ///
     /// # Errors
     /// Where a picture cannot be drawn.
@@ -206,7 +206,7 @@ impl<'a> Curves<'a> {
             ..servomotor
         };
         let spool = |title: &str| self.compared(Signal::SpoolPosition, title, 100.0);
-        // Where the spool rests shows in the whole, or in the long stretch that stands for it.
+        // The spool's rest positions show in the whole, or in the long stretch that represents it.
         let is_whole = window_s.is_none_or(|[from_s, to_s]| to_s - from_s > WORST_S);
         let mut panels = vec![servomotor.height(180)];
         if self.has(Signal::ServomotorPosition) {

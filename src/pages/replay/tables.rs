@@ -13,7 +13,7 @@ use govtwin_model::replay::Replayed;
 use govtwin_model::replay::figures::SignalFigures;
 use govtwin_model::signal::Signal;
 
-/// Why a signal has dashes for figures, where a cut takes it from the recording.
+/// Why a signal has dashes instead of figures: a cut replaces it by the recorded one.
 #[must_use]
 pub fn reason_for_dashes(summary: &ReplaySummary) -> Option<String> {
     let cut = summary.overall.signals.iter().find(|figures| figures.stands_in)?;

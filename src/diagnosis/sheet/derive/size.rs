@@ -10,7 +10,7 @@ pub(super) const USUAL_TIMES_S: [f64; 2] = [10.0, 8.0];
 /// The spool's stroke over the overlap of its edges, where the overlap is not given: fitted edges have 50 to 150.
 pub const STROKES_PER_OVERLAP: f64 = 75.0;
 
-/// Travel of the spool that counts as 1 pu, m, as far as a plate says it: its own value, else that of a stop.
+/// Travel of the spool that counts as 1 pu, m, if a plate states it: its own value, else that of a stop.
 pub fn spool_stroke_m(plate: &Plate) -> Option<f64> {
     ["spool_stroke", "spool_closing_stop", "spool_opening_stop"].into_iter().find_map(|key| plate.get(key))
 }

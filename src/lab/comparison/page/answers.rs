@@ -100,7 +100,7 @@ fn by_process(model: &ModelFigures, twin: &ModelFigures) -> String {
     format!("Mean absolute error compared with the twin alone: {}.", changes.collect::<Vec<_>>().join(", "))
 }
 
-/// What the band holds beside what it states.
+/// Coverage of the band beside its nominal coverage.
 fn banded(band: &Covered) -> String {
     let [stated, found] = [band.coverage_share, band.overall_share].map(|share| fixed(100.0 * share, 0));
     format!("The band with a nominal coverage of {stated} % contains {found} % of the test rows.")

@@ -69,7 +69,7 @@ fn traces(searches: &[Searched], unit: &str) -> Picture {
     let panel = |id: &str| {
         let mut panel = Panel::new(format!("{id}: MAE over the folds, {unit}")).x_name("evaluation").height(190);
         for search in searches.iter().filter(|search| search.id == id) {
-            // Dashes and hollow dots tell the two apart as well as colours do.
+            // Dashes and hollow dots distinguish the two without colours.
             let (ink, dash) = if search.kind == "random" { (Ink::Measured, 1) } else { (Ink::Simulated, 0) };
             let best = Mark::new(MarkShape::Line(numbered(&search.best_so_far())), ink, search.kind);
             let each = Mark::new(MarkShape::Dots(numbered(&search.losses)), ink, "");

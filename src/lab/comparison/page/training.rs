@@ -1,4 +1,4 @@
-//! The page of a trained residual: what it takes of the error, and how its hyperparameters were found.
+//! The page of a trained residual: how much of the error it removes, and how its hyperparameters were found.
 
 use super::answers::of_training;
 use super::{models_table, search_blocks};
@@ -8,12 +8,12 @@ use govtwin_pages::draw::DrawError;
 use govtwin_pages::page::{Page, Tone};
 use govtwin_pages::replay::thousands;
 
-/// What stands on the page.
+/// The contents of the page.
 #[derive(Clone, Copy, Debug)]
 pub struct Training<'a> {
     /// The signal that is corrected.
     pub signal: Signal,
-    /// Rows that taught, and rows that judge.
+    /// Training rows and test rows.
     pub rows: [usize; 2],
     /// Where the recordings come from, where that is stated.
     pub origin: Option<&'a str>,
@@ -21,7 +21,7 @@ pub struct Training<'a> {
     pub models: &'a [ModelFigures],
     /// Searches for hyperparameters.
     pub searches: &'a [Searched],
-    /// What its band holds.
+    /// Coverage of its band.
     pub band: Option<&'a Covered>,
 }
 

@@ -95,14 +95,14 @@ impl Expression {
         self.ops.iter().any(|op| matches!(op, Op::Name(known) if *known == place))
     }
 
-    /// Its value, where `look` says what stands at a place.
+    /// Its value; `look` gives the value of the name at a place.
     #[inline]
     #[must_use]
     pub fn value(&self, look: impl Fn(usize) -> f64) -> f64 {
         let mut stack = [0.0; STACK];
         let mut top = 0;
         for op in &self.ops {
-            // The parser counted what is held, so that no place lies outside.
+            // The parser counted the stack's depth, so that no place is outside.
             let (arguments, value) = match *op {
                 Op::Number(value) => (0, value),
                 Op::Name(place) => (0, look(place)),

@@ -6,7 +6,7 @@ use crate::params::yaml::Node;
 
 use super::{Merge, get};
 
-/// How far outside its range on this unit an effect that goes with the unit's size may be: a fit moves what says how large a unit is, and the file
+/// How far outside its range on this unit an effect that goes with the unit's size may be: a fit changes the parameters that determine the unit's size, and the file
 /// that it writes must be read.
 const REFITTED: f64 = 10.0;
 
@@ -54,7 +54,7 @@ impl Merge<'_> {
         }
     }
 
-    /// Takes an effect over, in the place of what lies below; an owner's definition stays beside its setting.
+    /// Applies an effect, replacing a setting of the files below; an owner's definition is kept beside its setting.
     pub(super) fn set_effect(&mut self, setting: EffectSetting) {
         let unit = &mut self.sheet.unit;
         unit.effects.retain(|known| known.id != setting.id);

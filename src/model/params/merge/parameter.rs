@@ -8,7 +8,7 @@ use super::{Mapping, Merge, get, name_of, section_of, unit_words};
 
 /// Attributes of one parameter.
 const KEYS: [&str; 6] = ["value", "tol", "abs", "log", "unit", "source"];
-/// A share or a logarithm beyond this says nothing about a value any more.
+/// A share or a logarithm beyond this is no information about a value.
 const LARGEST_SPREAD: f64 = 3.0;
 
 impl Merge<'_> {
@@ -46,7 +46,7 @@ impl Merge<'_> {
         self.record(&path, source);
     }
 
-    /// The tolerance after this file: `old` where it does not speak of it.
+    /// The tolerance after this file: `old` if the file does not state it.
     fn tolerance(
         &mut self,
         path: &[&str; 2],

@@ -1,4 +1,4 @@
-//! Writes a whole sheet: every parameter with unit, tolerance and source, so that its reader can judge and mend each.
+//! Writes a whole sheet: every parameter with unit, tolerance and source, so that its reader can check and correct each.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::params::error::{FileProblem, ParamsError};
 use crate::params::number::number_text;
 use crate::params::{reference, sheet_over_reference};
 
-/// What the text of a whole sheet holds beside its values.
+/// The contents of a whole sheet besides its values.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct WholeSheet {
     /// What the unit is called; left out where empty.

@@ -1,4 +1,4 @@
-//! Two registers of lanes as one number: what one of them waits for, such as a quotient or a root, the other's work fills.
+//! Two registers of lanes as one number: the operations of one fill the latency of the other's quotients and roots.
 
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
 

@@ -2,7 +2,7 @@
 
 use crate::plant::term::{Point, Term, View};
 
-/// Passes on what came in `delay_s` ago.
+/// Returns its input of `delay_s` ago.
 ///
 /// Its memory is a ring of the last signals; the first number is the place of the newest.
 #[derive(Clone, Debug)]
@@ -16,7 +16,7 @@ pub struct Delay {
 impl Delay {
     /// A delay at a point, for ticks of `tick_s`; a time below 0 counts as 0.
     ///
-    /// What is read only every `grid_ticks` wants a grid as wide, or the response stands still while the delay
+    /// What is read only every `grid_ticks` needs a grid as wide, or the response does not change while the delay
     /// grows by less.
     #[must_use]
     pub fn new(point: Point, delay_s: f64, tick_s: f64, grid_ticks: usize) -> Self {

@@ -1,4 +1,4 @@
-//! What is no finding is not given as one, and what is open is said to be.
+//! Nothing is reported as a finding that is none, and open questions are reported as open.
 
 use super::{html_of, made_up};
 use crate::diagnosis::summary;
