@@ -1,6 +1,6 @@
 //! Several units side by side in lanes: simulations per core of every width that the processor has, and the residuals of many units at once.
 //!
-//! `cargo problem --problem lanes`. The four processes of practice unit 1 (synthetic, 100 Hz) are simulated by the mean twins of slightly
+//! `cargo bench --bench lanes`. The four processes of practice unit 1 (synthetic, 100 Hz) are simulated by the mean twins of slightly
 //! different units, as the slopes of a fit need them: each parameter of the sheet moved by a hundredth. All run in turns; processor time of
 //! one thread, the fastest round.
 //!

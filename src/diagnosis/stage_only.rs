@@ -80,7 +80,7 @@ fn foreign(alone: &Alone) -> Option<String> {
     }
 }
 
-/// Mean square that the transducers make a right model residual, in pu squared.
+/// Mean square residual of a right model, due to the transducers, in pu squared.
 fn floor_square(problem: &Problem, ready: &Preparation, alone: &Alone) -> f64 {
     let seen = alone.seen.transducers.powi(2);
     if !ready.sheet {
@@ -91,7 +91,7 @@ fn floor_square(problem: &Problem, ready: &Preparation, alone: &Alone) -> f64 {
     sheet.max(seen)
 }
 
-/// That the model residuals more on pieces left out than the transducers account for, in a sentence.
+/// The sentence that the residual on pieces left out is larger than the transducers account for.
 fn beyond_transducers(problem: &Problem, model: &FittedModel, floor_square: f64) -> Option<String> {
     let mean_square = left_out_square(problem, model);
     is_beyond(problem, mean_square / floor_square).then(|| {
@@ -128,7 +128,7 @@ fn predicts_better(problem: &Problem, found: &Explored, decision: &Decision) -> 
     models.into_iter().any(|model| is_better(problem, before, left_out_square(problem, model), model.effects.len()))
 }
 
-/// Mean square that a model residuals on pieces left out of its fit, each piece with the same weight, in pu squared.
+/// Mean square residual of a model on pieces left out of its fit, each piece with the same weight, in pu squared.
 fn left_out_square(problem: &Problem, model: &FittedModel) -> f64 {
     let left_out = without_recordings(problem, model).estimates;
     let of = |(index, estimates): (usize, &Vec<Estimate>)| {

@@ -53,7 +53,7 @@ pub struct StageOnly {
     /// What was fitted, in the numbers of the recordings.
     #[serde(skip)]
     pub figures: Vec<StageFigure>,
-    /// RMS that the transducers alone make a right model residual over a piece, pu of stroke.
+    /// RMS residual of a right model over a piece, due to the transducers alone, pu of stroke.
     #[serde(rename = "transducers_rmse_pu", deserialize_with = "figure")]
     pub transducers_pu: f64,
     /// Why the recordings are of no such stage; none where they are.

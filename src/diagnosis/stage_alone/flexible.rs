@@ -26,7 +26,7 @@ pub struct Flexible {
     pub explained: f64,
     /// What it leaves of the servomotor position: white from sample to sample, wandering from its free runs, in the opening's unit.
     pub noise: SignalNoise,
-    /// RMS of what the transducers alone make a right model residual: the servomotor's noise, and the spool's carried along, in the opening's unit.
+    /// RMS residual of a right model, due to the transducers alone: the servomotor's noise, and the spool's propagated, in the opening's unit.
     pub transducers: f64,
 }
 
@@ -107,7 +107,7 @@ fn period_s(runs: &[Run]) -> f64 {
     periods.get(periods.len() / 2).copied().unwrap_or(0.1)
 }
 
-/// RMS that a right model residuals over free runs: the servomotor's transducer at the sample and at the start, the spool's noise summed up, and
+/// RMS residual of a right model over free runs: the servomotor's transducer at the sample and at the start, the spool's noise summed up, and
 /// what the spool does between its samples, whose trapezoids are wrong by a twelfth of a step's change.
 fn transducers(runs: &[Run], gain_1_s: f64, white: f64) -> f64 {
     let period_s = period_s(runs);
