@@ -52,7 +52,7 @@ enum Command {
     /// Learn the numbers of the posterior from diagnosed units whose faults are known.
     #[cfg(feature = "lab")]
     Calibrate(commands::calibrate::Args),
-    /// Learn the weights of the posterior from diagnosed units whose faults are known (not in this build).
+    /// Learn the numbers of the posterior from diagnosed units whose faults are known (not in this build).
     #[cfg(not(feature = "lab"))]
     Calibrate(Absent),
     /// Validate a parameter file, and print the unit that it describes.
