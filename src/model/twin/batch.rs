@@ -34,7 +34,7 @@ pub struct BatchRow {
 #[must_use]
 pub fn estimates<I: Iterator<Item = BatchRow>>(width: Width, twins: &mut [Twin], rows: Vec<I>) -> Vec<Vec<Estimate>> {
     let mut watch = KeptRows { wanted: None, estimates: vec![Vec::new(); twins.len()], traces: Vec::new() };
-    run(width, twins, rows, &mut watch);
+    run(width, twins, &mut each(&mut { rows }), &mut watch);
     watch.estimates
 }
 
@@ -48,8 +48,15 @@ pub fn signals<I: Iterator<Item = BatchRow>>(
 ) -> Vec<[Vec<f64>; Signal::ALL.len()]> {
     let traces = vec![Default::default(); twins.len()];
     let mut watch = KeptRows { wanted: Some(wanted), estimates: Vec::new(), traces };
-    run(width, twins, rows, &mut watch);
+    run(width, twins, &mut each(&mut { rows }), &mut watch);
     watch.traces
+}
+
+/// Rows of one twin. Not a type parameter: the lanes are compiled once, in this crate.
+type Rows<'a> = &'a mut (dyn Iterator<Item = BatchRow> + 'a);
+
+fn each<I: Iterator<Item = BatchRow>>(rows: &mut [I]) -> Vec<Rows<'_>> {
+    rows.iter_mut().map(|rows| rows as Rows<'_>).collect()
 }
 
 /// What is kept of the twins at the rows whose estimates are used.
@@ -94,24 +101,24 @@ pub fn fit(twins: &[Twin]) -> bool {
 }
 
 /// Runs twins side by side.
-fn run<I: Iterator<Item = BatchRow>>(width: Width, twins: &mut [Twin], rows: Vec<I>, watch: &mut KeptRows) {
+fn run(width: Width, twins: &mut [Twin], rows: &mut [Rows<'_>], watch: &mut KeptRows) {
     debug_assert!(twins.len() <= width.lanes() && (rows.len() == 1 || rows.len() == twins.len()));
     width.run(BatchRun { twins, rows, watch });
 }
 
-struct BatchRun<'a, I> {
+struct BatchRun<'a, 'b> {
     twins: &'a mut [Twin],
-    rows: Vec<I>,
+    rows: &'a mut [Rows<'b>],
     watch: &'a mut KeptRows,
 }
 
-impl<I: Iterator<Item = BatchRow>> LaneWork for BatchRun<'_, I> {
+impl LaneWork for BatchRun<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run<T: Wide>(self, zero: T) {
-        let Self { twins, mut rows, watch } = self;
-        let Some(mut row) = TwinRows::first(&mut rows) else { return };
+        let Self { twins, rows, watch } = self;
+        let Some(mut row) = TwinRows::first(rows) else { return };
         for (lane, twin) in twins.iter_mut().enumerate() {
             twin.reset();
             twin.advance(&row.of(lane).frame);
@@ -125,7 +132,7 @@ impl<I: Iterator<Item = BatchRow>> LaneWork for BatchRun<'_, I> {
             if is_sample {
                 watch.look(frame.time_ns, positions_pu(&side.bank.blocks(), &now, setting.cut, frame.time_ns), &now);
             }
-            if !row.advance(&mut rows) {
+            if !row.advance(rows) {
                 break;
             }
             let frame = &row.all[0].frame;
@@ -148,7 +155,7 @@ struct TwinRows {
 }
 
 impl TwinRows {
-    fn first<I: Iterator<Item = BatchRow>>(rows: &mut [I]) -> Option<Self> {
+    fn first(rows: &mut [Rows<'_>]) -> Option<Self> {
         let all = [rows.first_mut()?.next()?; MOST_LANES];
         let mut first = Self { all, count: rows.len().min(MOST_LANES) };
         for (row, rows) in first.all.iter_mut().zip(rows).skip(1) {
@@ -157,7 +164,7 @@ impl TwinRows {
         Some(first)
     }
 
-    fn advance<I: Iterator<Item = BatchRow>>(&mut self, rows: &mut [I]) -> bool {
+    fn advance(&mut self, rows: &mut [Rows<'_>]) -> bool {
         self.all.iter_mut().zip(rows).all(|(row, rows)| rows.next().map(|next| *row = next).is_some())
     }
 
