@@ -172,6 +172,10 @@ fn parse(text: &str) -> Result<yaml::Document, Vec<FileProblem>> {
         .map_err(|error| vec![FileProblem { line: error.line, key: String::new(), message: error.message }])
 }
 
+/// The text of a file; `what` says in errors which kind of file it is.
+///
+/// # Errors
+/// Where the file cannot be read as text.
 pub fn read(what: &'static str, path: &Path) -> Result<String, ParamsError> {
     read_text(path, LARGEST_FILE_BYTES).map_err(|reason| ParamsError::Read { what, path: path.to_path_buf(), reason })
 }

@@ -31,33 +31,49 @@ macro_rules! held_by_id {
 pub use crate::held_by_id;
 
 /// No figure.
+#[must_use]
 pub fn no_figure() -> f64 {
     f64::NAN
 }
 
 /// A figure; NaN where there is none.
+///
+/// # Errors
+/// What is not of the kind that the field holds.
 pub fn figure<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 /// A size; infinite where there is none.
+///
+/// # Errors
+/// What is not of the kind that the field holds.
 pub fn unbounded<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
 
 /// Sizes; infinite where there is none.
+///
+/// # Errors
+/// What is not of the kind that the field holds.
 pub fn all_unbounded<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
     let found: Vec<Option<f64>> = Deserialize::deserialize(deserializer)?;
     Ok(found.into_iter().map(|one| one.unwrap_or(f64::INFINITY)).collect())
 }
 
 /// Both ends of a range; NaN where there is none.
+///
+/// # Errors
+/// What is not of the kind that the field holds.
 pub fn ends<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(f64, f64), D::Error> {
     let (low, high): (Option<f64>, Option<f64>) = Deserialize::deserialize(deserializer)?;
     Ok((low.unwrap_or(f64::NAN), high.unwrap_or(f64::NAN)))
 }
 
 /// Points of a curve.
+///
+/// # Errors
+/// What is not of the kind that the field holds.
 pub fn points<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<(f64, f64)>, D::Error> {
     let points: Vec<(Option<f64>, Option<f64>)> = Deserialize::deserialize(deserializer)?;
     Ok(points.into_iter().map(|(x, y)| (x.unwrap_or(f64::NAN), y.unwrap_or(f64::NAN))).collect())
@@ -67,6 +83,9 @@ pub fn points<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<(f64, f6
 pub type LastingText = &'static str;
 
 /// Such a text, each kept once: reports have a few dozen units and names of places.
+///
+/// # Errors
+/// What is not of the kind that the field holds.
 pub fn lasting<'de, D: Deserializer<'de>>(deserializer: D) -> Result<LastingText, D::Error> {
     static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let found = String::deserialize(deserializer)?;

@@ -22,7 +22,7 @@ pub fn ready(model: &Model, unit: &Unit, cut: Cut) -> anyhow::Result<Corrector> 
     let opening = match cut {
         Cut::None => Opening::Simulated,
         Cut::Servomotor => Opening::Measured,
-        _ => return Err(usage("--residual with --cut spool: the measured spool leaves nothing to correct")),
+        Cut::Spool => return Err(usage("--residual with --cut spool: the measured spool leaves nothing to correct")),
     };
     model.check(unit, opening)?;
     Ok(Corrector::new(model)?)

@@ -69,6 +69,7 @@ impl ParamsError {
 }
 
 /// One line a problem, each beginning with `file:line:` as compilers do, so that editors can jump to it.
+#[must_use]
 pub fn list(what: &str, path: &std::path::Path, problems: &[FileProblem]) -> String {
     let noun = if problems.len() == 1 { "problem" } else { "problems" };
     let path = path.display();

@@ -23,6 +23,7 @@ pub enum Node {
 
 impl Node {
     /// What it is, in a reader's words.
+    #[must_use]
     pub fn describe(&self) -> String {
         match self {
             Self::Null => "nothing".to_owned(),
@@ -36,11 +37,13 @@ impl Node {
 }
 
 /// The value of a key in a mapping.
+#[must_use]
 pub fn get<'n>(map: &'n [(String, Node)], key: &str) -> Option<&'n Node> {
     map.iter().find(|(known, _)| known == key).map(|(_, node)| node)
 }
 
 /// Text in quotes: YAML's double-quoted text is a superset of JSON's.
+#[must_use]
 pub fn quoted(text: &str) -> String {
     serde_json::Value::from(text).to_string()
 }
@@ -64,6 +67,7 @@ pub struct Document {
 
 impl Document {
     /// The text of a key at the top of the file.
+    #[must_use]
     pub fn text(&self, key: &str) -> Option<&str> {
         let Node::Map(map) = &self.root else { return None };
         map.iter().find_map(|(known, node)| match node {
@@ -73,6 +77,7 @@ impl Document {
     }
 
     /// Line of a key given by its path, counted from 1; of the nearest parent where the key shares a line.
+    #[must_use]
     pub fn line(&self, path: &[&str]) -> Option<usize> {
         (1..=path.len()).rev().find_map(|length| {
             {
@@ -94,6 +99,9 @@ pub struct SyntaxError {
 }
 
 /// Parses one document.
+///
+/// # Errors
+/// Where the text is no YAML.
 pub fn parse(text: &str) -> Result<Document, SyntaxError> {
     check_yaml(text).map_err(|error| SyntaxError { line: None, message: error.to_string() })?;
     match serde_yaml::from_str::<Value>(text) {
