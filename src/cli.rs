@@ -35,7 +35,7 @@ Examples:
 
 `govtwin COMMAND --help` describes all options of a command.
 
-Exit codes: 0 ok, 1 error, 2 wrong usage, 3 finished with warnings.";
+Exit codes: 0 ok, 1 error, 2 wrong usage, 3 finished with warnings, 4 a limit of `replay` is broken.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -155,7 +155,7 @@ fn start_threads(command: &Command) -> anyhow::Result<()> {
     started.context("cannot start the threads that share the work; RAYON_NUM_THREADS=1 asks for one alone, and `ulimit -a` says what is limited")
 }
 
-/// Runs the command line; exit codes: 0 ok, 1 error, 2 usage, 3 finished with warnings.
+/// Runs the command line; exit codes: 0 ok, 1 error, 2 usage, 3 finished with warnings, 4 a limit is broken.
 pub fn main() -> ExitCode {
     commands::output::hear_of_file_sizes();
     let command = Cli::try_parse().unwrap_or_else(|told| commands::output::leave(&told)).command;
@@ -213,6 +213,7 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Outcome::Ok) => ExitCode::SUCCESS,
         Ok(Outcome::Warnings) => ExitCode::from(3),
+        Ok(Outcome::Failed) => ExitCode::from(4),
         Err(error) => {
             commands::output::fail(&error);
             if error.downcast_ref::<Usage>().is_some() { ExitCode::from(2) } else { ExitCode::FAILURE }

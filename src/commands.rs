@@ -53,4 +53,6 @@ pub enum Outcome {
     Ok,
     /// Finished, but the user should read the warnings: exit code 3.
     Warnings,
+    /// Finished, and what was to be kept is not: exit code 4.
+    Failed,
 }

@@ -1,6 +1,9 @@
 //! Replay through the library: what is compared, and that nothing but time and inputs decides.
 #![cfg(feature = "cli")]
 
+#[path = "support/program.rs"]
+mod program;
+
 use std::path::Path;
 use std::process::Command;
 
@@ -238,4 +241,57 @@ fn every_key_of_the_figures_is_documented_with_its_schema() {
     assert!(documented.contains(figures["schema"].as_str().unwrap()));
     assert_eq!(figures["parameters"]["changed"]["oil.bulk_modulus_pa"], 1.1e9);
     assert!(figures["recordings"][0]["origin"].as_str().unwrap().contains("Synthetic"));
+}
+
+/// Replays a shipped recording with these arguments.
+fn validated(arguments: &[&str]) -> program::Run {
+    let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/load_rejection_01.mcap");
+    program::Run::of(Command::new(env!("CARGO_BIN_EXE_govtwin")).arg("replay").arg(bag).args(arguments))
+}
+
+#[test]
+fn a_broken_limit_has_an_exit_code_of_its_own_and_is_found_in_every_report() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let limits = ["--require", "servomotor.rmse<=50%", "--require", "load_rejection.spool.max<=0.01%"];
+    let run = validated(&[&limits[..], &["--out", &at("out"), "--junit", &at("replay.xml")]].concat());
+    assert_eq!(run.code, 4, "{}{}", run.stdout, run.stderr);
+    let figures = std::fs::read_to_string(dir.path().join("out/replay.json")).unwrap();
+    let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
+    let checks = figures["validation"]["checks"].as_array().unwrap();
+    let standings: Vec<_> = checks.iter().map(|check| check["standing"].as_str().unwrap()).collect();
+    assert_eq!(standings, ["passes", "fails"]);
+    let (value, bound) = (checks[1]["value"].as_f64().unwrap(), checks[1]["bound"].as_f64().unwrap());
+    assert!(value > bound && (bound - 1e-4).abs() < 1e-15);
+    let stretch = &checks[1]["stretch"];
+    let length_s = stretch["to_s"].as_f64().unwrap() - stretch["from_s"].as_f64().unwrap();
+    assert!((length_s - 2.0).abs() < 1e-9, "{stretch}");
+    let xml = std::fs::read_to_string(dir.path().join("replay.xml")).unwrap();
+    let report = quick_junit::Report::deserialize_from_str(&xml).unwrap();
+    assert_eq!((report.tests, report.failures, report.errors), (2, 1, 0));
+    let page = std::fs::read_to_string(dir.path().join("out/replay.html")).unwrap();
+    assert!(page.contains("load_rejection.spool.max&lt;=0.01%"), "the limit is on the page");
+    // Kept limits end with 0, an error with 1, a slip with 2.
+    assert_eq!(validated(&limits[..2]).code, 0);
+    assert_eq!(validated(&["--against", &at("none.json")]).code, 1);
+    assert_eq!(validated(&["--require", "spool.rmse<0.5%"]).code, 2);
+    assert_eq!(validated(&["--junit", &at("alone.xml")]).code, 2);
+}
+
+#[test]
+fn a_stored_replay_is_the_limit_of_the_next_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    assert_eq!(validated(&["--out", &at("approved")]).code, 0);
+    let baseline = at("approved/replay.json");
+    assert_eq!(validated(&["--against", &baseline, "--worse-by", "0"]).code, 0, "no worse than itself");
+    std::fs::write(dir.path().join("worse.yaml"), "servomotor:\n  load_closed_n: 4.0e5\n").unwrap();
+    let worse = validated(&["--params", &at("worse.yaml"), "--against", &baseline, "--worse-by", "10%", "--json"]);
+    assert_eq!(worse.code, 4, "{}{}", worse.stdout, worse.stderr);
+    let figures: serde_json::Value = serde_json::from_str(&worse.stdout).unwrap();
+    assert_eq!(figures["validation"]["passed"], false);
+    assert_eq!(validated(&["--cut", "spool", "--against", &baseline]).code, 1, "made with another cut");
+    let limits = "# of the bench\nservomotor.rmse<=50%   # wide\n\n";
+    std::fs::write(dir.path().join("limits.txt"), limits).unwrap();
+    assert_eq!(validated(&["--require", &format!("@{}", at("limits.txt"))]).code, 0);
 }

@@ -6,6 +6,7 @@ pub mod origin;
 mod residual;
 mod rows;
 mod simulated;
+mod validation;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -33,6 +34,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
 use super::{model, provenance, rate_of_inputs};
+use validation::Requirements;
 use crate::commands::{Outcome, usage};
 
 /// The page.
@@ -81,6 +83,26 @@ pub struct Args {
     /// `hold`.
     #[arg(long, value_parser = rate_of_inputs::parser())]
     rate_of_inputs: Option<RateOfInputs>,
+    /// Limit that every recording must keep, such as `spool.rmse<=0.5%`, or `@FILE` with one limit a line; may be
+    /// repeated.
+    ///
+    /// A limit is [PROCESS.]SIGNAL.MEASURE<=VALUE[UNIT] or >=. PROCESS is startup, load_increase, shutdown or
+    /// load_rejection; SIGNAL is servomotor, spool, pilot_valve or control_pressure; MEASURE is mae, rmse, max (largest
+    /// error), bias or r2; UNIT is %, pu, Pa, kPa, bar or MPa. A limit that no recording shows is broken too. With
+    /// --residual the corrected figures are judged.
+    #[arg(long, value_name = "LIMIT")]
+    require: Vec<String>,
+    /// Figures of an earlier replay, its replay.json, than which this one must not be worse.
+    ///
+    /// Compares MAE, RMSE and the largest error of recordings of the same name, of each process and overall.
+    #[arg(long, value_name = "FILE")]
+    against: Option<PathBuf>,
+    /// By how much an error may exceed that of --against, %.
+    #[arg(long, value_name = "PERCENT", default_value = "1%", requires = "against", value_parser = percent)]
+    worse_by: f64,
+    /// File for the limits and how they stand as JUnit XML, which CI servers show.
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
     /// Folder for the page, the figures and bags with the simulated state; created if missing.
     ///
     /// Of the bags in the folder, only those of an earlier replay are replaced.
@@ -99,8 +121,17 @@ state on /sim/servo_state next to the recorded topics.
 Examples:
   govtwin replay bags/reference --out look
   govtwin replay bags/practice/case_03 --then diagnosis/case_03/fitted.yaml    # after `diagnose`
+  govtwin replay bags/reference --require 'servomotor.rmse<=0.3%' --require 'load_rejection.servomotor.max<=4%'
+  govtwin replay nightly --against approved/replay.json --worse-by 10% --junit replay.xml --out look
 
-Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings, 4 a limit is broken.";
+
+/// A share, given in percent.
+fn percent(text: &str) -> std::result::Result<f64, String> {
+    let number: Option<f64> = text.trim().trim_end_matches('%').trim_end().parse().ok();
+    let percent = number.filter(|percent| percent.is_finite() && *percent >= 0.0);
+    percent.map(|percent| percent / 100.0).ok_or_else(|| "expected a percentage of 0 or above, such as 10%".to_owned())
+}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum CutAt {
@@ -158,6 +189,13 @@ struct Result {
     corrected: Option<(Replayed, GuardCounts)>,
 }
 
+impl Result {
+    /// What limits are held against: the corrected recording, where there is a residual.
+    fn judged(&self) -> &Replayed {
+        self.corrected.as_ref().map_or(&self.replayed, |(corrected, _)| corrected)
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let sheet = match &args.params {
@@ -173,6 +211,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let models = args.residual.iter().map(|path| Ok((path.as_path(), model::load(path)?)));
     let models = models.collect::<anyhow::Result<Vec<_>>>()?;
     let driven = args.rate_of_inputs(&models)?;
+    let requirements = Requirements::read(args, driven.id())?;
     let climbs = !args.then.is_empty() || models.len() > 1;
     // On a ladder every model has a unit of its own.
     let single = models.first().filter(|_| !climbs);
@@ -191,7 +230,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut summary = summarise(parameters(&sheet), args.cut.cut(), driven.id(), &together);
     let mut text = table_text(&process_table(&summary));
     text.extend(reason_for_dashes(&summary).map(|reason| format!("{reason}\n")));
-    let mut after = None;
+    let (mut after, mut judged) = (None, None);
     if climbs {
         let (ladder, last) = ladder::climb(args, &sheet.unit, &models, &results, &summary)?;
         text += &ladder_text(&ladder);
@@ -204,7 +243,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let assumed = rate::assumed(model);
         text += &format!("With the residual of {}, {assumed}:\n{}", path.display(), table_text(&process_table(&with)));
         text.extend(adaptation.as_ref().map(|adaptation| format!("Adaptation: {}.\n", adaptation.words())));
-        summary.residual = with.residual.map(|residual| Residual { adaptation, ..residual });
+        summary.residual = with.residual.clone().map(|residual| Residual { adaptation, ..residual });
+        judged = Some(with);
+    }
+    if let Some(requirements) = &requirements {
+        let replayed: Vec<&Replayed> = results.iter().map(Result::judged).collect();
+        let validation = requirements.judge(judged.as_ref().unwrap_or(&summary), &replayed);
+        text += &validation::text(&validation);
+        summary.validation = Some(validation);
     }
     let made = describe(args, &sheet, driven.id(), &mapped, &results)?;
     made.origins().iter().for_each(|origin| text += &format!("{origin}\n"));
@@ -218,6 +264,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if let Some(output) = output {
         files::write_all(output, &summary, &results, &bags, &sheet.unit, after.as_ref(), args)?;
     }
+    if let (Some(requirements), Some(validation)) = (&requirements, &summary.validation) {
+        requirements.write(validation)?;
+    }
     let mut outcome = if mapped.warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings };
     mapped.warnings.iter().for_each(|warning| warn(warning));
     for one in &summary.recordings {
@@ -226,7 +275,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             outcome = Outcome::Warnings;
         }
     }
-    Ok(outcome)
+    let is_kept = summary.validation.as_ref().is_none_or(|validation| validation.passed);
+    Ok(if is_kept { outcome } else { Outcome::Failed })
 }
 
 /// What the figures are made from.
@@ -253,6 +303,11 @@ fn describe(
         made.options.extend((!files.is_empty()).then(|| (name.to_owned(), files.join(", "))));
     }
     made.options.extend(args.adapt.then(|| ("adapt".to_owned(), "given".to_owned())));
+    made.options.extend((!args.require.is_empty()).then(|| ("require".to_owned(), args.require.join(", "))));
+    if let Some(path) = &args.against {
+        let worse_by = format!("{}, worse by at most {} %", provenance::file(path)?, 100.0 * args.worse_by);
+        made.options.insert("against".to_owned(), worse_by);
+    }
     provenance::options(&args.topics, &args.map, &mut made)?;
     Ok(made)
 }

@@ -21,6 +21,7 @@ pub mod likelihood;
 pub mod model;
 pub(crate) mod preparation;
 pub mod replay_summary;
+pub mod replay_validation;
 pub mod result;
 pub mod sheet;
 pub mod stage_alone;

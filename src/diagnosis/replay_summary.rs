@@ -16,6 +16,7 @@
 //!                              "gain_ratio": 0.01}, "processes": […], "overall": {…}},
 //!  "ladder": {"signal": "spool_position_pu", "findings": ["…"],
 //!             "rungs": [{"title": "fitted.yaml", "model": null, "unseen": [], "processes": […], "overall": {…}}]},
+//!  "validation": {"passed": false, "checks": [CHECK, …]},
 //!  "provenance": {"program": "govtwin 0.1.0", "command": "replay", "date": "2026-01-31T12:00:00Z", "unit": "unit 2",
 //!                 "recordings": [{"name": "startup_01", "files": [{"path": "bags/startup_01.mcap", "bytes": 121174, "sha256": "…"}],
 //!                                 "synthetic": true, "origin": "…", "left_out": null}],
@@ -30,6 +31,9 @@
 //! `residual` is there where a learned residual corrected the twin; its groups are the corrected figures;
 //! `adaptation` is `null` where it did not adapt.
 //! `ladder` is there where further units or residuals were given; its groups are the figures of each.
+//! `validation` is there where limits or a baseline were given. A CHECK is `{"limit": "spool.rmse<=0.5%", "of": "startup_01", "signal":
+//! "spool_position_pu", "measure": "rmse", "value": 0.0062, "side": "at_most", "bound": 0.005, "unit": "pu", "standing": "fails", "stretch":
+//! {"from_s": 12.5, "to_s": 14.5}}`; with a residual it judges the corrected figures. `standing` is `passes`, `fails` or `not_measured`, which has a `reason`.
 //! `changed` holds what differs from the shipped unit. `origin` is the origin of the data
 //! that the bag's folder states, `null` if it states none. `provenance` is
 //! [`govtwin_model::provenance::Provenance`]. Keys may be added to a version, and never change their meaning. The same bags and
@@ -41,6 +45,7 @@ use serde::Serialize;
 
 use govtwin_correction::adapt::Adaptation;
 use govtwin_correction::guard::GuardCounts;
+use crate::replay_validation::Validation;
 use govtwin_model::effects;
 use govtwin_model::parameters::{ENTRIES, EffectSetting, Unit};
 use govtwin_model::provenance::Provenance;
@@ -82,6 +87,9 @@ pub struct ReplaySummary {
     /// Further units and residuals.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ladder: Option<Ladder>,
+    /// Limits that the figures were held against.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub validation: Option<Validation>,
 }
 
 /// Figures with a learned residual on top of the twin.
@@ -226,6 +234,7 @@ pub fn summarise(
         overall: group(None),
         residual: None,
         ladder: None,
+        validation: None,
     }
 }
 

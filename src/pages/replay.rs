@@ -4,6 +4,7 @@ mod answers;
 mod curves;
 mod ladder;
 mod tables;
+mod validation;
 
 use super::draw::{DrawError, svg};
 use super::page::{KeyFigure, Page, PageBody, Tone};
@@ -16,7 +17,7 @@ use govtwin_model::replay::Replayed;
 use govtwin_model::signal::Signal;
 use tables::{errors, r2_words, recording_table};
 
-pub use curves::Pictures;
+pub use curves::{Pictures, worst_stretch_of};
 pub use ladder::{ladder_picture, ladder_table, reason_for_stars};
 pub use tables::thousands;
 pub use tables::{process_table, reason_for_dashes};
@@ -42,6 +43,9 @@ pub fn page(
     let mut page = Page::new("Replay: measured and simulated", format!("{unit}, {mode}"));
     let body = &mut page.body;
     opening(body, summary, sensors);
+    if let Some(validation) = &summary.validation {
+        validation::show(body, validation, pictures);
+    }
     for process in Process::ALL {
         let of_process = || summary.recordings.iter().zip(pictures).filter(|(one, _)| one.process == process.id());
         let count = of_process().count();
@@ -119,6 +123,14 @@ fn opening(body: &mut PageBody, summary: &ReplaySummary, sensors: &Sensors) {
     let hint = format!("{} rows, {} min", thousands(rows as u64), significant(seconds / 60.0, 2));
     key.push(KeyFigure::new("recordings", summary.recordings.len().to_string(), "").hint(hint));
     body.key_figures(key);
+    if let Some(validation) = &summary.validation {
+        let (broken, all) = (validation.broken().count(), validation.checks.len());
+        if validation.passed {
+            body.note(Tone::Good, format!("Validation: all {all} checks pass."));
+        } else {
+            body.note(Tone::Warning, format!("Validation: {broken} of {all} checks fail; see Limits."));
+        }
+    }
     for origin in summary.provenance.iter().flat_map(Provenance::origins) {
         body.note(Tone::Plain, origin);
     }

@@ -8,6 +8,7 @@ use govtwin_diagnosis::replay_summary::ReplaySummary;
 use govtwin_files::remove_stale;
 use govtwin_model::parameters::Unit;
 use govtwin_model::replay::Replayed;
+use govtwin_diagnosis::replay_validation::{Check, Validation};
 use govtwin_model::twin::Twin;
 use govtwin_pages::replay::{Pictures, page};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
@@ -89,7 +90,7 @@ pub fn write_all(
     drop(progress);
     output.add_bags(written?);
     let replayed: Vec<&Replayed> = results.iter().map(|one| &one.replayed).collect();
-    let pictures = draw(results, unit, after)?;
+    let pictures = draw(results, summary, unit, after)?;
     let page = page(summary, &replayed, &pictures, &unit.sensors)?;
     let html_path = output.path(PAGE);
     output.add(PAGE, page.to_html().as_bytes())?;
@@ -99,9 +100,19 @@ pub fn write_all(
 }
 
 /// The pictures of all recordings, in their order.
-fn draw(results: &[Result], unit: &Unit, after: Option<&After>) -> anyhow::Result<Vec<Pictures>> {
+fn draw(
+    results: &[Result],
+    summary: &ReplaySummary,
+    unit: &Unit,
+    after: Option<&After>,
+) -> anyhow::Result<Vec<Pictures>> {
     let then = |at: usize| after.and_then(|after| Some((after.title.as_str(), after.replayed.get(at)?)));
     let pairs: Vec<_> = results.iter().enumerate().collect();
-    let drawn = pairs.into_par_iter().map(|(at, one)| Ok(Pictures::draw(&one.replayed, then(at), &unit.sensors)?));
+    let drawn = pairs.into_par_iter().map(|(at, one)| {
+        let pictures = Pictures::draw(&one.replayed, then(at), &unit.sensors)?;
+        let broken = summary.validation.iter().flat_map(Validation::broken);
+        let broken: Vec<&Check> = broken.filter(|check| check.recording == Some(at)).collect();
+        Ok(pictures.with_broken(one.judged(), &broken, &unit.sensors)?)
+    });
     drawn.collect()
 }

@@ -1,5 +1,6 @@
 //! The pictures of one recording: measured, simulated and their difference over time.
 
+use govtwin_diagnosis::replay_validation::Check;
 use crate::diagnosis::{WORST_S, worst_stretch};
 use crate::draw::{DrawError, Svg, svg};
 use crate::ink::Ink;
@@ -32,6 +33,8 @@ pub struct Pictures {
     pub worst: Option<Svg>,
     /// The pilot signals, where they were measured.
     pub pilot: Option<Svg>,
+    /// Stretches in which limits are broken, each with the limits.
+    pub broken: Vec<(Svg, Vec<String>)>,
 }
 
 impl Pictures {
@@ -49,8 +52,45 @@ impl Pictures {
             close_up: close_up.map(|window_s| svg(&curves.positions(sensors, Some(window_s)))).transpose()?,
             worst: curves.worst_s().map(|window_s| svg(&curves.positions(sensors, Some(window_s)))).transpose()?,
             pilot: pilot.then(|| svg(&curves.pilot(sensors, close_up))).transpose()?,
+            broken: Vec::new(),
         })
     }
+
+    /// The same with the stretches in which these limits are broken.
+    ///
+    /// # Errors
+    /// Where a picture cannot be drawn.
+    pub fn with_broken(mut self, judged: &Replayed, broken: &[&Check], sensors: &Sensors) -> Result<Self, DrawError> {
+        let curves = Curves::new(judged, None);
+        let mut stretches: Vec<([f64; 2], bool, Vec<String>)> = Vec::new();
+        for check in broken {
+            let Some(at) = check.stretch else { continue };
+            let (window_s, is_pilot) = ([at.from_s, at.to_s], !Signal::POSITIONS.contains(&check.signal));
+            match stretches.iter_mut().find(|(known_s, pilot, _)| *known_s == window_s && *pilot == is_pilot) {
+                Some((.., limits)) => limits.push(check.to_string()),
+                None => stretches.push((window_s, is_pilot, vec![check.to_string()])),
+            }
+        }
+        for (window_s, is_pilot, limits) in stretches {
+            let around = Some([(window_s[0] - 0.5).max(0.0), window_s[1] + 0.5]);
+            let picture = if is_pilot { curves.pilot(sensors, around) } else { curves.positions(sensors, around) };
+            self.broken.push((svg(&picture)?, limits));
+        }
+        Ok(self)
+    }
+}
+
+/// The stretch of two seconds in which a signal is farthest off, s from the start; the whole recording where it is not much longer.
+#[must_use]
+pub fn worst_stretch_of(replayed: &Replayed, signal: Signal) -> Option<[f64; 2]> {
+    let curves = Curves::new(replayed, None);
+    let pairs = replayed.recording.frames.iter().zip(&replayed.estimates);
+    let squares: Vec<f64> = pairs
+        .map(|(frame, estimate)| (signal.of(&estimate.signals) - signal.of(&frame.measured)).powi(2))
+        .map(|square| if square.is_finite() { square } else { 0.0 })
+        .collect();
+    let whole = || Some([*curves.time_s.first()?, *curves.time_s.last()?]);
+    worst_stretch(&curves.time_s, &squares, WORST_S).or_else(whole)
 }
 
 /// One recording as curves over seconds from its start.
