@@ -155,9 +155,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         }
         None => None,
     };
-    let mut cases = find(&args.dir, &args.topics)?;
+    let mut cases = find(&args.dir, &args.topics, args.labels.is_some() && !args.no_sheet)?;
     if let Some(made) = &made {
-        made.restrict(&mut cases);
+        made.restrict(&mut cases, !args.no_sheet)?;
     }
     let methods = methods(args.baselines, args.baselines_only);
     if let Some(made) = &made {

@@ -57,6 +57,12 @@ pub struct Args {
     /// Seed of the bootstrap that gives the intervals of explained fractions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// True values of the unit with its faults (parameter file), where they are known, as of a simulated unit.
+    ///
+    /// The report then states the regret of the search: χ² found for the true faults beside χ² reached by a fit from these
+    /// values. They are used after the verdict, and for nothing else.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["no_sheet", "stage_alone"])]
+    true_values: Option<PathBuf>,
     /// Print JSON instead of a summary: the content of DIR/report.json.
     #[arg(long)]
     json: bool,
@@ -105,6 +111,7 @@ impl From<Request> for Args {
             without,
             candidates: vec![],
             seed,
+            true_values: None,
             json: false,
             fail_on: vec![],
             unit: Some(unit),
@@ -229,7 +236,8 @@ fn show(made: &mut Provenance, stand_ins: &[(String, String)]) {
 
 /// What to try, and effects of the user's own.
 fn settings(args: &Args) -> anyhow::Result<(DiagnosisSettings, Vec<OwnEffect>)> {
-    let mut settings = DiagnosisSettings { seed: args.seed, ..DiagnosisSettings::default() };
+    let true_values = args.true_values.as_deref().map(params::load).transpose()?;
+    let mut settings = DiagnosisSettings { seed: args.seed, true_values, ..DiagnosisSettings::default() };
     let mut own_effects = vec![];
     for id in &args.without {
         let known = || settings.catalogue.iter().map(|spec| spec.id);
@@ -283,6 +291,9 @@ fn describe(
     if !args.candidates.is_empty() {
         let files = args.candidates.iter().map(|path| Ok(provenance::file(path)?.to_string()));
         option("candidate", files.collect::<anyhow::Result<Vec<_>>>()?.join(", "));
+    }
+    if let Some(path) = &args.true_values {
+        option("true-values", provenance::file(path)?.to_string());
     }
     provenance::options(&args.topics, &args.map, made)
 }

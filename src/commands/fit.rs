@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use govtwin_diagnosis::identification::calibration::{Calibration, calibrate, parts};
+use govtwin_diagnosis::identification::calibration::{Calibration, PARTS, calibrate};
 use govtwin_diagnosis::identification::free_parameter::FreeParameter;
 use govtwin_diagnosis::likelihood::noise;
 use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
@@ -57,7 +57,7 @@ pub struct Args {
     /// Also fit the effects that this parameter file defines (docs/own_effect.md); may be repeated.
     #[arg(long = "candidate", value_name = "FILE")]
     candidates: Vec<PathBuf>,
-    /// Number of starting points of the search.
+    /// Number of starting points: the best sizes of profiles of all effects, from which the fit goes on.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
     starts: u16,
     /// Print JSON instead of a table.
@@ -134,7 +134,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         prepared(recordings, &mut warnings)
     };
     let starts = usize::from(args.starts);
-    let progress = Progress::new(parts(starts), "parts of the fit");
+    let progress = Progress::new(PARTS, "parts of the fit");
     let (problem, fitted) = calibrate(recordings, &sheet.unit, turned, &expected, starts, &|| progress.step());
     drop(progress);
     if !fitted.fit.square.is_finite() {

@@ -4,4 +4,5 @@ pub(crate) mod annealing;
 pub mod coordinate;
 mod descent;
 pub mod fit;
+pub(crate) mod following;
 pub mod linear;

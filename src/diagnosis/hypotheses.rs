@@ -1,9 +1,9 @@
 //! Which fault sets are worth a joint fit, and those fits: proposals of the linear picture at several points, until the leader stands.
 
-pub(crate) mod anew;
 pub(crate) mod explorer;
 mod fitted_sets;
 pub(crate) mod linearisation;
+pub(crate) mod profile;
 pub mod table;
 
 use std::sync::Arc;
@@ -13,6 +13,7 @@ use crate::evidence::Shared;
 use crate::hypotheses::explorer::{Explorer, Hypothesis, LEAST_GAIN, RARITY, is_stage_alone, kappa, worthwhile};
 use crate::hypotheses::fitted_sets::KnownSets;
 use crate::hypotheses::linearisation::{Linearisation, Proposal};
+use crate::hypotheses::profile::{ProfilePlace, fitted_best, moved_to, profiles};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
@@ -132,6 +133,36 @@ impl Explored {
     }
 }
 
+/// What profiles of single effects found, before fault sets are explored.
+pub struct Singles {
+    /// Sizes that are worth more, on top of the sheet.
+    places: Vec<ProfilePlace>,
+    /// The unit with the likeliest effect.
+    leading: Option<Unit>,
+}
+
+impl Singles {
+    /// Profiles every effect on top of the sheet as it was delivered, which a cause that is missing has not stretched.
+    #[must_use]
+    pub fn profiled(
+        problem: &Problem,
+        refitted: &FittedModel,
+        sheet: &FittedModel,
+        catalogue: &[&'static EffectSpec],
+    ) -> Self {
+        let places = profiles(problem, sheet, catalogue, refitted.cost());
+        let best = fitted_best(problem, sheet, &places);
+        let leading = best.filter(|(cost, _)| *cost < refitted.cost()).map(|(_, unit)| unit);
+        Self { places, leading }
+    }
+
+    /// The unit with the likeliest effect, where any gains something.
+    #[must_use]
+    pub fn leading(&self) -> Option<&Unit> {
+        self.leading.as_ref()
+    }
+}
+
 /// An exploration on its way: fault sets of a catalogue fitted from the refitted sheet and from the sheet itself.
 pub struct Exploration<'a> {
     explorer: Explorer<'a>,
@@ -148,6 +179,7 @@ impl<'a> Exploration<'a> {
         problem: &'a Problem,
         refitted: &'a FittedModel,
         sheet: &'a FittedModel,
+        singles: &Singles,
         catalogue: &'a [&'static EffectSpec],
         progress: &(dyn Fn(&str, f64) + Sync),
     ) -> Self {
@@ -157,8 +189,8 @@ impl<'a> Exploration<'a> {
         let mut known = KnownSets::default();
         known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
         progress("weighing all sets of up to three effects", 0.25);
-        let linearisation = explorer.picture(refitted, &discrepancy);
-        let from_sheet = explorer.picture(sheet, &discrepancy);
+        let linearisation = explorer.picture(refitted, &moved_to(refitted, catalogue, &singles.places), &discrepancy);
+        let from_sheet = explorer.picture(sheet, &singles.places, &discrepancy);
         progress("fitting the likeliest sets", 0.4);
         let mut jobs: Vec<(&FittedModel, Proposal)> = Vec::new();
         for (point, picture) in [(refitted, &linearisation), (sheet, &from_sheet)] {
@@ -194,7 +226,7 @@ impl<'a> Exploration<'a> {
                 break;
             }
             progress("weighing all sets anew at the likeliest", 0.6 + 0.1 * round as f64);
-            let picture = explorer.picture(&leader.model, &discrepancy);
+            let picture = explorer.picture(&leader.model, &explorer.profiles(&leader.model), &discrepancy);
             let mut proposals = picture.proposals(MOST - leader.effects.len());
             let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
             let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);
@@ -250,5 +282,6 @@ pub fn explore(
     catalogue: &[&'static EffectSpec],
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Explored {
-    Exploration::begin(problem, refitted, sheet, catalogue, progress).finish(progress)
+    let singles = Singles::profiled(problem, refitted, sheet, catalogue);
+    Exploration::begin(problem, refitted, sheet, &singles, catalogue, progress).finish(progress)
 }

@@ -2,3 +2,4 @@
 
 pub mod calibration;
 pub mod free_parameter;
+mod profile;

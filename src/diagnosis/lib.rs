@@ -20,6 +20,7 @@ pub mod identification;
 pub mod likelihood;
 pub mod model;
 pub(crate) mod preparation;
+pub(crate) mod regret;
 pub mod replay_summary;
 pub mod replay_validation;
 pub mod result;
@@ -35,8 +36,8 @@ use crate::decision::Decision;
 use crate::decision::hyperparameters::Hyperparameters;
 use crate::decision::posterior::{Posterior, leaders};
 use crate::hypotheses::table::EvidenceTable;
-use crate::hypotheses::{Exploration, Explored};
-use crate::likelihood::loop_noise::quieter;
+use crate::hypotheses::{Exploration, Explored, Singles};
+use crate::likelihood::loop_noise::likelier;
 use crate::result::{Diagnosis, JudgedBy, Verdict};
 use crate::summary::{BeforeVerdict, Judged};
 use govtwin_model::effects::{CATALOGUE, EffectSpec, id_words};
@@ -60,6 +61,9 @@ pub struct DiagnosisSettings {
     pub seed: u64,
     /// What is known of the unit beside its recordings.
     pub judged_by: JudgedBy,
+    /// True values of the unit with its effects, where they are known: the regret of the search is measured by them after the verdict, and nothing
+    /// else follows from them.
+    pub true_values: Option<Unit>,
 }
 
 impl DiagnosisSettings {
@@ -71,7 +75,7 @@ impl DiagnosisSettings {
 
 impl Default for DiagnosisSettings {
     fn default() -> Self {
-        Self { catalogue: CATALOGUE.iter().collect(), seed: 1, judged_by: JudgedBy::DataSheet }
+        Self { catalogue: CATALOGUE.iter().collect(), seed: 1, judged_by: JudgedBy::DataSheet, true_values: None }
     }
 }
 
@@ -136,27 +140,30 @@ pub fn diagnose(
     let stage_only = !ready.whole.is_empty();
     progress("refitting the sheet's parameters within their tolerances", 0.02);
     let settings = &DiagnosisSettings { catalogue: ready.catalogue.clone(), ..settings.clone() };
-    let (mut problem, refitted, sheet) =
+    let (problem, refitted, sheet) =
         model::search::nominal(ready.recordings.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
     let catalogue = &settings.catalogue;
-    let explore = |problem, refitted, sheet| Exploration::begin(problem, refitted, sheet, catalogue, progress);
-    let exploration = explore(&problem, &refitted, &sheet);
-    // What the likeliest set leaves tells the noise, and all fits count by that.
-    let renewed = exploration.leading_unit().and_then(|unit| quieter(&problem, &unit));
-    let mut explored = if let Some(quieter) = renewed {
+    progress("profiling every effect over its range", 0.1);
+    let singles = Singles::profiled(&problem, &refitted, &sheet, catalogue);
+    // The likeliest effect tells the noise, and all fits count by that: where the unit chatters depends on what is wrong with it.
+    let relaid = singles.leading().and_then(|unit| likelier(&problem, unit));
+    let (mut problem, refitted, sheet) = match relaid {
+        Some(relaid) => model::search::renewed(relaid, &refitted),
+        None => (problem, refitted, sheet),
+    };
+    let exploration = Exploration::begin(&problem, &refitted, &sheet, &singles, catalogue, progress);
+    let relaid = exploration.leading_unit().and_then(|unit| likelier(&problem, &unit));
+    let mut explored = if let Some(relaid) = relaid {
         progress("starting again with the noise that the likeliest set leaves", 0.2);
         // Slopes are nearly all of the memory.
         drop(exploration);
-        let (renewed, refitted, sheet) = model::search::renewed(&quieter, &refitted);
-        let explored = explore(&renewed, &refitted, &sheet).finish(progress);
-        problem = renewed;
+        let (relaid, refitted, sheet) = model::search::renewed(relaid, &refitted);
+        let explored = Exploration::begin(&relaid, &refitted, &sheet, &singles, catalogue, progress).finish(progress);
+        problem = relaid;
         explored
     } else {
         exploration.finish(progress)
     };
-    if stage_only && !ready.sheet {
-        hypotheses::anew::singles(&mut explored, &problem, &sheet, &settings.catalogue);
-    }
     progress("tabulating the evidence", 0.85);
     let mut table = EvidenceTable::new(&problem, &explored, &settings.catalogue);
     table.assumed_sheet = settings.judged_by == JudgedBy::AssumedSheet;
@@ -192,6 +199,9 @@ pub fn diagnose(
         numbers: &numbers,
     };
     let mut diagnosis = summary::gather(judged, &ready.unit, settings, BeforeVerdict { channels, notes });
+    // The stage alone is fitted to pieces of recordings, by parameters of its own.
+    let true_values = settings.true_values.as_ref().filter(|_| !stage_only);
+    diagnosis.regret = true_values.and_then(|unit| regret::regret(&problem, &explored, &settings.catalogue, unit));
     diagnosis.part = stage_only::describe(&ready, &explored, &decision);
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.sheet) {
         diagnosis.sheet_limits = None;

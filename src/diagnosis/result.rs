@@ -4,6 +4,7 @@ mod claims;
 mod findings;
 mod interval;
 mod judged_by;
+mod regret;
 mod remainder;
 pub mod schema;
 mod sheet_limits;
@@ -23,6 +24,7 @@ pub use crate::result::findings::{
 };
 pub use crate::result::interval::Interval;
 pub use crate::result::judged_by::JudgedBy;
+pub use crate::result::regret::Regret;
 pub use crate::result::remainder::{LargestError, Remainder};
 pub use crate::result::sheet_limits::{HiddenEffect, SheetLimits, SheetValue};
 pub use crate::result::stage_figures::{FreeRun, StageFigure, StageOnly};
@@ -152,6 +154,9 @@ pub struct Diagnosis {
     pub part: Option<StageOnly>,
     /// What a reader must know beside the verdict.
     pub notes: Vec<String>,
+    /// By how much the search missed what the true values reach, where they are known.
+    #[doc(hidden)]
+    pub regret: Option<Regret>,
     /// Number of simulated recordings that it took.
     #[doc(hidden)]
     pub simulations: usize,

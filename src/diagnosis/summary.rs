@@ -184,6 +184,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         part: None,
         notes,
         simulations: problem.simulations(),
+        regret: None,
         table: judged.table,
     }
 }

@@ -24,7 +24,7 @@ use govtwin_diagnosis::generate::streams::GeneratedStreams;
 use govtwin_model::effects::scaling::UnitSize;
 use govtwin_model::effects::{Stage, find};
 use govtwin_model::frame::{Inputs, Signals};
-use govtwin_model::parameters::{Parameters, Unit};
+use govtwin_model::parameters::{EffectSetting, Parameters, Unit};
 use govtwin_model::recording::{Process, Recording};
 use govtwin_model::signal::Signal;
 
@@ -177,6 +177,24 @@ pub fn label(unit: &Unit, case: &Case) -> Label {
     unmeasured(case, bench(unit, case).1)
 }
 
+/// The true values of a case in the twin's keys, its faults in the twin's equations; none where the catalogue of its diagnosis lacks a fault, and of a
+/// stage alone.
+#[must_use]
+pub fn true_values(unit: &Unit, case: &Case) -> Option<Unit> {
+    if case.alone.is_some() {
+        return None;
+    }
+    let (bench, effects) = bench(unit, case);
+    if !unmeasured(case, effects.clone()).listed {
+        return None;
+    }
+    let setting = |fault: &TrueFault| {
+        find(&fault.id).map(|spec| EffectSetting { id: fault.id.clone(), values: spec.completed(&[fault.size]) })
+    };
+    let effects = effects.iter().map(setting).collect::<Option<_>>()?;
+    Some(Unit { parameters: bench.parameters, effects, ..unit.clone() })
+}
+
 /// How far the strongest signal of a case moves over its noise floor, RMS: every process is simulated three times. Of stages alone it is not measured.
 #[must_use]
 pub fn strength(unit: &Unit, case: &Case) -> f64 {
@@ -297,7 +315,6 @@ mod tests {
 
     use super::*;
     use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
-    use govtwin_model::parameters::EffectSetting;
     use govtwin_model::twin::Twin;
 
     /// On a unit of another size faults are as many times as large as the unit is, and the plant runs as on the reference unit.

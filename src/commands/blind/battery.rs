@@ -12,9 +12,10 @@ use govtwin_lab::battery::{self, Case as Plan, CaseKind, Label};
 use govtwin_lab::benchmark::validation;
 use govtwin_lab::labels;
 use govtwin_model::parameters::Unit;
-use govtwin_model::params;
+use govtwin_model::params::{self, Overlay};
 use govtwin_model::recording::Process;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+use tempfile::TempDir;
 
 use super::cases::UnitFolder;
 use super::scoring::LARGEST_BYTES;
@@ -51,6 +52,8 @@ pub struct Battery {
     /// As far as they were measured before.
     strengths: BTreeMap<String, f64>,
     seed: u64,
+    /// True values by unit, for as long as units are diagnosed.
+    true_values: TempDir,
 }
 
 /// What the units of a battery are.
@@ -115,7 +118,8 @@ pub fn make(
     made?;
     let known = text_if_there(&dir.join(STRENGTHS), LARGEST_BYTES)?;
     let strengths = known.and_then(|text| labels::read_strengths(&text).ok()).unwrap_or_default();
-    let battery = Battery { dir: dir.to_owned(), sheet: unit.clone(), plans, labels, strengths, seed };
+    let true_values = tempfile::tempdir().context("no temporary folder for true values")?;
+    let battery = Battery { dir: dir.to_owned(), sheet: unit.clone(), plans, labels, strengths, seed, true_values };
     let key = sha256(battery.text());
     commit(&dir.join("answers/keys.sha256"), &format!("{key}  labels.yaml\n"))?;
     Ok(battery)
@@ -152,8 +156,9 @@ fn bag(dir: &Path, case: &Plan, process: Process) -> PathBuf {
 }
 
 impl Battery {
-    /// Takes from the catalogue of each unit what it is to be diagnosed without, and drops units of other batteries.
-    pub fn restrict(&self, cases: &mut Vec<UnitFolder>) {
+    /// Takes from the catalogue of each unit what it is to be diagnosed without, gives each its true values where there is a sheet, and drops units of
+    /// other batteries.
+    pub fn restrict(&self, cases: &mut Vec<UnitFolder>, with_sheet: bool) -> anyhow::Result<()> {
         cases.retain(|case| self.plans.iter().any(|plan| plan.name == case.name));
         for case in cases {
             let plan = self.plans.iter().find(|plan| plan.name == case.name);
@@ -161,7 +166,18 @@ impl Battery {
                 CaseKind::LeftOut(id) => Some(id.clone()),
                 _ => None,
             });
+            let known = plan.filter(|_| with_sheet).and_then(|plan| battery::true_values(&self.sheet, plan));
+            case.true_values = known.map(|unit| self.write_true_values(&case.name, unit)).transpose()?;
         }
+        Ok(())
+    }
+
+    fn write_true_values(&self, name: &str, unit: Unit) -> anyhow::Result<PathBuf> {
+        let path = self.true_values.path().join(format!("{name}.yaml"));
+        let (name, source) = (name.to_owned(), GENERATOR.to_owned());
+        let overlay = Overlay { unit, name, source, head: Vec::new(), comments: BTreeMap::new() };
+        write_atomically(&path, params::overlay_text(&path, &overlay)?.as_bytes())?;
+        Ok(path)
     }
 
     fn text(&self) -> String {

@@ -22,10 +22,15 @@ pub struct UnitFolder {
     pub topics: TopicArgs,
     /// An effect that the catalogue lacks for this unit.
     pub without: Option<String>,
+    /// Its true values, by which the regret of the search is measured.
+    pub true_values: Option<PathBuf>,
 }
 
-/// Every folder in a folder that holds bags, by name.
-pub fn find(dir: &Path, topics: &TopicArgs) -> anyhow::Result<Vec<UnitFolder>> {
+/// The file of true values in a unit's folder.
+const TRUE_VALUES: &str = "truth.yaml";
+
+/// Every folder in a folder that holds bags, by name; with the true values beside the bags where verdicts are to be scored.
+pub fn find(dir: &Path, topics: &TopicArgs, scored: bool) -> anyhow::Result<Vec<UnitFolder>> {
     let mut cases = vec![];
     let entries = dir.read_dir().with_context(|| format!("cannot read the folder {}", dir.display()))?;
     for entry in entries {
@@ -33,7 +38,8 @@ pub fn find(dir: &Path, topics: &TopicArgs) -> anyhow::Result<Vec<UnitFolder>> {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let hidden = name.starts_with('.');
         if !hidden && bags::holds_bags(&path)? {
-            cases.push(UnitFolder { name, dir: path, topics: topics.clone(), without: None });
+            let true_values = Some(path.join(TRUE_VALUES)).filter(|file| scored && file.is_file());
+            cases.push(UnitFolder { name, dir: path, topics: topics.clone(), without: None, true_values });
         }
     }
     cases.sort_by(|a, b| a.name.cmp(&b.name));
@@ -79,8 +85,13 @@ mod tests {
             std::fs::copy(bags_of(from), dir.path().join(to)).unwrap();
         }
         std::fs::write(dir.path().join("torn.mcap"), "no bag").unwrap();
-        let case =
-            UnitFolder { name: String::new(), dir: dir.path().to_owned(), topics: TopicArgs::default(), without: None };
+        let case = UnitFolder {
+            name: String::new(),
+            dir: dir.path().to_owned(),
+            topics: TopicArgs::default(),
+            without: None,
+            true_values: None,
+        };
         let sheet = govtwin_model::params::reference();
         let found = case.recordings(&sheet).unwrap();
         let read = bags::read(&[dir.path().to_owned()], &case.topics.topics(), &sheet).unwrap().recordings;

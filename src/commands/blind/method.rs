@@ -1,4 +1,5 @@
-//! The methods that judge a unit: the diagnosis, in a process of its own that is given bags and nothing else, and the baselines.
+//! The methods that judge a unit: the diagnosis, in a process of its own that is given bags, and true values for the regret after its verdict alone; and
+//! the baselines.
 
 use std::cell::OnceCell;
 use std::ffi::OsString;
@@ -106,6 +107,9 @@ fn diagnose(case: &UnitFolder, judged_by: &[OsString], threads: usize, out: &Pat
     command.args(judged_by);
     if let Some(without) = &case.without {
         command.arg("--without").arg(without);
+    }
+    if let Some(true_values) = &case.true_values {
+        command.arg("--true-values").arg(true_values);
     }
     command.args(case.topics.arguments()).args(case.bags()?.into_iter().map(|bag| bag.path));
     let ended = command.stdin(Stdio::null()).output().context("cannot start the diagnosis")?;

@@ -134,7 +134,9 @@ pub fn score_all(
     if !as_json {
         let words = page::misses_in_words(&first).map(|words| format!("{words}\n\n")).unwrap_or_default();
         let (cases, measures) = (table_text(&page::cases_table(&first)), table_text(&measures_table(&scores)));
-        print(&format!("{cases}\n{words}{measures}"))?;
+        let regret = scores.first().and_then(|method| page::regret_in_words(&method.score.regret));
+        let regret = regret.map(|words| format!("\n{words}\n")).unwrap_or_default();
+        print(&format!("{cases}\n{words}{measures}{regret}"))?;
     }
     let all: serde_json::Map<String, Value> =
         scores.iter().map(|method| (method.name.clone(), score_json(&method.score))).collect();
@@ -229,10 +231,16 @@ fn score_json(score: &Score) -> Value {
         .map(|bin| json!({"said": bin.stated_probability, "was": measured(&bin.was)}))
         .collect();
     let confusion = &score.confusion;
+    let regrets = |all: &[(String, f64)]| -> serde_json::Map<String, Value> {
+        all.iter().map(|(name, share)| (name.clone(), (*share).into())).collect()
+    };
+    let quantiles: Vec<Value> =
+        score.regret.quantiles.iter().map(|(units, regret)| json!({"units": units, "at_most": regret})).collect();
     json!({
         "scored": score.units,
         "measures": score.measures.iter().map(measure).collect::<serde_json::Map<_, _>>(),
         "reliability": bins,
+        "regret": {"quantiles": quantiles, "large": regrets(&score.regret.large)},
         "confusion": {"truths": confusion.truths, "words": confusion.words, "counts": confusion.counts},
     })
 }

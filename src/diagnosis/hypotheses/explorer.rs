@@ -12,6 +12,7 @@ use crate::estimation::coordinate::Coordinate;
 use crate::estimation::fit::{Effort, Fit, Start, fit_all};
 use crate::evidence::{KAPPAS, NormalEquations, Shared};
 use crate::hypotheses::linearisation::{Linearisation, Proposal};
+use crate::hypotheses::profile::{ProfilePlace, profiles};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
@@ -112,9 +113,14 @@ impl<'a> Explorer<'a> {
         Self { kappa: kappa(problem), problem, nominal, catalogue, shared }
     }
 
+    /// Profiles of all effects on top of a point.
+    pub(super) fn profiles(&self, point: &FittedModel) -> Vec<ProfilePlace> {
+        profiles(self.problem, point, self.catalogue, self.nominal.cost())
+    }
+
     /// The linear picture about a point.
-    pub(super) fn picture(&self, point: &FittedModel, discrepancy: &Columns) -> Linearisation {
-        Linearisation::new(self.problem, point, self.catalogue, discrepancy, self.kappa)
+    pub(super) fn picture(&self, point: &FittedModel, places: &[ProfilePlace], discrepancy: &Columns) -> Linearisation {
+        Linearisation::new(self.problem, point, places, discrepancy, self.kappa)
     }
 
     pub(super) fn hypothesis(&self, effects: Vec<usize>, model: FittedModel, refined: bool) -> Hypothesis {

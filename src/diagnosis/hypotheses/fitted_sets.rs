@@ -4,6 +4,9 @@ use std::collections::BTreeMap;
 
 use crate::hypotheses::explorer::{Explorer, Hypothesis, is_stage_alone, leaders};
 
+/// Leading sets that are compared with what they hold.
+const COMPARED: usize = 3;
+
 /// Fitted sets so far, by their effects.
 #[derive(Default)]
 pub(super) struct KnownSets {
@@ -48,9 +51,10 @@ impl KnownSets {
             .collect();
         self.settle(explorer.refined(&chosen));
         // What leads is compared with what it holds: each effect of it must be worth its odds.
-        let Some(leader) = self.ordered().first().map(|one| one.effects.clone()) else { return };
+        let leading: Vec<Vec<usize>> = self.ordered().iter().take(COMPARED).map(|one| one.effects.clone()).collect();
         let is_within = |one: &&Hypothesis| {
-            one.effects.len() + 1 == leader.len() && one.effects.iter().all(|effect| leader.contains(effect))
+            let holds = |set: &Vec<usize>| one.effects.iter().all(|effect| set.contains(effect));
+            leading.iter().any(|set| one.effects.len() + 1 == set.len() && holds(set))
         };
         let within: Vec<Hypothesis> =
             self.fitted.values().filter(is_within).filter(|one| !one.refined).cloned().collect();

@@ -2,51 +2,32 @@
 //! matrix, and the evidence of all fault sets that follows from it.
 //!
 //! `r = r₀ + J Δθ + B w + Σ c_e d_e`: residuals r₀ and slopes J at the point, marks B of discrepancy terms, and for each effect the change d_e that
-//! one of a few sizes brings (secants, so that kinks, play and dead times count as they are), scaled by c_e between its neighbours.
+//! each size of a profile over its whole range brings, both signs, scaled by c_e between its neighbours. The free parameters follow each size before its
+//! mark is taken, `d_e = r(θ₀ + Δθ, s) − r₀ − J Δθ`, so that kinks, play, dead times and limit cycles count as they are where they would stand.
 //! With `θ ~ N(θ₀, I)`, `w ~ N(0, κ²)`, everything but c is integrated out by one Cholesky factor, and the evidence of a set of effects is
 //! `½ ln Z = −½ cost(ĉ) − ½ ln |I + τ² C G C|` with the projected Gram matrix G of its marks (Bayesian linear regression; Bishop 2006, section 3.5).
 
 mod hidden;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::estimation::coordinate::{Coordinate, subject_at};
+use crate::estimation::coordinate::Coordinate;
 use crate::estimation::linear::crossed;
+use crate::hypotheses::profile::{Atom, ProfilePlace};
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
 use crate::model::discrepancy::Columns;
 use crate::model::support::{SIZE_PRIOR, Variant};
-use govtwin_model::effects::EffectSpec;
-
-/// Sizes at which an effect is simulated, in typical ones; those out of its range are left out.
-const SIZES: [f64; 5] = [0.35, 1.2, 3.0, -0.35, -1.2];
+use govtwin_model::parameters::Unit;
 
 /// A mark counts from its own size half-way to its neighbours.
-const REACH: (f64, f64) = (0.5, 1.8);
+const REACH: (f64, f64) = (0.6, 1.6);
 
 /// Marks that are weighed together at most: three effects in place of one of the point's own, or two in place of two.
 const LARGEST: usize = 4;
 
 /// Sets of two effects that are tried with a third.
 const PAIRS_EXTENDED: usize = 40;
-
-/// An effect at one size, or one of the point's own effects taken away.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Atom {
-    /// The effect of the catalogue with this place, so large.
-    Sized {
-        /// Place in the catalogue.
-        effect: usize,
-        /// Size and shape.
-        variant: Variant,
-    },
-    /// The point's own effect with this place, gone.
-    Removed {
-        /// Place among the point's effects.
-        own: usize,
-    },
-}
 
 /// A set of effects that the linear picture proposes, and where it would stand.
 #[derive(Clone, Debug)]
@@ -79,48 +60,44 @@ pub struct Linearisation {
 }
 
 impl Linearisation {
-    /// Simulates every effect of the catalogue at its sizes on top of a model, and projects; `kappa` is the size of the error of equations in
-    /// moderate discrepancy terms.
+    /// Simulates all places of the profiles about a model, and projects; `kappa` is the size of the error of equations in moderate discrepancy terms.
     #[must_use]
     pub fn new(
         problem: &Problem,
         model: &FittedModel,
-        catalogue: &[&'static EffectSpec],
+        places: &[ProfilePlace],
         discrepancy: &Columns,
         kappa: f64,
     ) -> Self {
-        let mut atoms = Vec::new();
-        let mut units = Vec::new();
-        for (effect, spec) in catalogue.iter().enumerate().filter(|(_, spec)| !model.has(spec.id)) {
-            for variant in variants(spec) {
-                if let Some((base, free_parameters, positions)) = model.with_effect(spec, variant) {
-                    atoms.push(Atom::Sized { effect, variant });
-                    units.push(subject_at(&base, &free_parameters, &positions));
-                }
+        let atoms: Vec<Atom> = places.iter().map(|place| place.atom).collect();
+        let units: Vec<Unit> = places.iter().map(|place| place.at.subject()).collect();
+        let change = |place: &ProfilePlace| {
+            let mut change = DVector::zeros(model.free_parameters.len());
+            for (&column, position) in place.at.columns.iter().zip(&place.at.positions) {
+                change[column] = position - model.fit.positions[column];
             }
-        }
-        for own in 0..model.effects.len() {
-            atoms.push(Atom::Removed { own });
-            units.push(model.without(own));
-        }
-        let moved = problem.residuals_of(&units);
+            change
+        };
+        let changes: Vec<DVector<f64>> = places.iter().map(change).collect();
         let slopes = model.free_parameters.len();
-        let grams: Vec<DMatrix<f64>> = (0..problem.recordings.len())
-            .into_par_iter()
-            .map(|recording| {
-                let at = &model.fit.residuals[recording];
-                let b = &discrepancy.marks[recording];
-                let mut all = DMatrix::zeros(at.len(), slopes + b.ncols() + atoms.len() + 1);
-                all.columns_mut(0, slopes).copy_from(&model.fit.slopes[recording]);
-                all.columns_mut(slopes, b.ncols()).copy_from(b);
-                for (k, moved) in moved.iter().enumerate() {
-                    all.set_column(slopes + b.ncols() + k, &(&moved[recording] - at));
-                }
-                all.set_column(all.ncols() - 1, at);
-                crossed(&all, &all)
-            })
-            .collect();
-        let gram = grams.into_iter().reduce(|a, b| a + b).unwrap_or_else(|| DMatrix::zeros(1, 1));
+        // One recording after another: the residuals of all atoms are much memory.
+        let gram_of = |recording: usize| {
+            let moved = problem.only(recording).residuals_of(&units);
+            let at = &model.fit.residuals[recording];
+            let (own, b) = (&model.fit.slopes[recording], &discrepancy.marks[recording]);
+            let mut all = DMatrix::zeros(at.len(), slopes + b.ncols() + atoms.len() + 1);
+            all.columns_mut(0, slopes).copy_from(own);
+            all.columns_mut(slopes, b.ncols()).copy_from(b);
+            for (k, (moved, change)) in moved.iter().zip(&changes).enumerate() {
+                let mut mark = all.column_mut(slopes + b.ncols() + k);
+                mark.copy_from(&(&moved[0] - at));
+                mark.gemv(-1.0, own, change, 1.0);
+            }
+            all.set_column(all.ncols() - 1, at);
+            crossed(&all, &all)
+        };
+        let grams = (0..problem.recordings.len()).map(gram_of);
+        let gram = grams.reduce(|a, b| a + b).unwrap_or_else(|| DMatrix::zeros(1, 1));
         Self::projected(model, atoms, &gram, discrepancy.marks.first().map_or(0, DMatrix::ncols), kappa)
     }
 
@@ -318,10 +295,4 @@ fn best_of_each(mut all: Vec<WeighedAtoms>, of: &Linearisation) -> Vec<WeighedAt
     let mut seen = std::collections::BTreeSet::new();
     all.retain(|weighed| seen.insert(key(weighed)));
     all
-}
-
-/// Sizes and shapes at which an effect is simulated.
-fn variants(spec: &EffectSpec) -> Vec<Variant> {
-    let further: &[f64] = if spec.parameters.len() > 1 { &[1.0, 0.0] } else { &[1.0] };
-    further.iter().flat_map(|&further| SIZES.map(|size| Variant { size, further })).collect()
 }

@@ -1,14 +1,14 @@
-//! Calibration: a fit from several starts, with what it is worth: intervals, correlations, bounds, what the data said.
+//! Calibration: a fit from the best sizes of profiles, with what it is worth: intervals, correlations, bounds, what the data said.
 
 mod words;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::estimation::annealing::annealed;
 use crate::estimation::coordinate::{Coordinate, Residuals, subject_at};
-use crate::estimation::fit::{Effort, Fit, fit};
+use crate::estimation::fit::{Effort, Fit, Start, fit, fit_all};
 use crate::estimation::linear::normal;
 use crate::identification::free_parameter::FreeParameter;
+use crate::identification::profile::profile_starts;
 use crate::likelihood::loop_noise::heard;
 use crate::likelihood::noise::Noise;
 use crate::likelihood::prepared::PreparedRecording;
@@ -28,10 +28,6 @@ const POLISH_ROUNDS: i32 = 16;
 const POLISH_WIDTHS: i32 = 5;
 /// A round that gains less, in units of cost, gains nothing.
 const ENOUGH: f64 = 0.02;
-/// Sizes at which effects start, in turn.
-const SIZES: [f64; 4] = [1.0, 0.3, -1.0, 3.0];
-/// How far nuisance parameters start from the sheet from the second start on, in standard deviations.
-const SCATTER: f64 = 0.7;
 /// Nearer to a bound than this share of the range is at the bound.
 const AT_BOUND_SHARE: f64 = 1e-3;
 /// How far to either side slopes are taken for the intervals, in units of a free parameter.
@@ -93,7 +89,7 @@ pub struct Calibration {
     pub leftover: [Option<f64>; Signal::ALL.len()],
 }
 
-/// Fits the free parameters from several starts; `step` is called as each part of the work ends, [`parts`] times in all.
+/// Fits the free parameters from so many of the best sizes of their profiles; `step` is called as each part of the work ends, [`PARTS`] times in all.
 #[must_use]
 pub fn calibrate(
     recordings: Vec<PreparedRecording>,
@@ -105,19 +101,14 @@ pub fn calibrate(
 ) -> (Problem, Calibration) {
     let first = Problem::new(recordings, base, noise);
     step();
-    let mut rough: Option<(f64, Vec<f64>)> = None;
-    let mut costs = Vec::new();
-    for number in 0..starts.max(1) {
-        let begin = [start(base, &free_parameters, number)];
-        let Some(found) = annealed(&first, base, &free_parameters, &begin, ROUGH.rounds).pop() else { continue };
-        let cost = found.cost();
-        costs.push(cost);
-        if rough.as_ref().is_none_or(|(best, _)| cost < *best) {
-            rough = Some((cost, found.positions));
-        }
-        step();
-    }
-    let positions = rough.map(|(_, positions)| positions).unwrap_or_default();
+    let starts = profile_starts(&first, base, &free_parameters, starts.max(1));
+    step();
+    let begin = |positions| Start { base, coordinates: &free_parameters, positions, effort: ROUGH, known: None };
+    let rough = fit_all(&first, &starts.iter().map(|positions| begin(positions)).collect::<Vec<_>>());
+    step();
+    let costs = rough.iter().map(Fit::cost).collect();
+    let best = rough.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
+    let positions = best.map(|fit| fit.positions).unwrap_or_default();
     // Chatter depends on the parameters: the noise is laid out along the best start. A signal that leaves more than it
     // should then counts for less, so that neither fit nor intervals trust it beyond what it is worth.
     let unit = subject_at(base, &free_parameters, &positions);
@@ -211,28 +202,7 @@ impl Slopes {
 }
 
 /// How often [`calibrate`] reports progress.
-#[must_use]
-pub fn parts(starts: usize) -> usize {
-    starts.max(1) + 3
-}
-
-/// The first start is the sheet with effects of typical size; the others scatter around it, the same each time.
-fn start(base: &Unit, free_parameters: &[FreeParameter], number: usize) -> Vec<f64> {
-    let place = |(k, free_parameter): (usize, &FreeParameter)| {
-        let (low, high) = free_parameter.range(base);
-        let wanted = match free_parameter {
-            FreeParameter::Effect { .. } if number == 0 && free_parameter.position(base) != 0.0 => {
-                free_parameter.position(base)
-            }
-            FreeParameter::Effect { .. } => SIZES[number % SIZES.len()],
-            _ if number == 0 => free_parameter.start(base),
-            // Additive recurrence with the golden section: even, and without a generator.
-            _ => SCATTER * (2.0 * ((k * 7 + number * 3 + 1) as f64 * 0.618_033_988_75).fract() - 1.0),
-        };
-        wanted.clamp(low, high)
-    };
-    free_parameters.iter().enumerate().map(place).collect()
-}
+pub const PARTS: usize = 5;
 
 fn judge(
     problem: &Problem,

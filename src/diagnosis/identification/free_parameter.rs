@@ -64,6 +64,15 @@ impl FreeParameter {
         matches!(self, Self::Parameter { .. })
     }
 
+    /// Place in [`ENTRIES`] of a parameter of the sheet; none of an effect's.
+    #[must_use]
+    pub fn entry(&self) -> Option<usize> {
+        match *self {
+            Self::Parameter { index, .. } | Self::Free { index, .. } => Some(index),
+            Self::Effect { .. } => None,
+        }
+    }
+
     /// The key in parameter files, and the unit.
     #[must_use]
     pub fn key(&self, unit: &Unit) -> (String, &'static str) {
@@ -107,11 +116,33 @@ impl FreeParameter {
     pub fn position(&self, unit: &Unit) -> f64 {
         match *self {
             Self::Parameter { .. } | Self::Free { .. } => 0.0,
-            Self::Effect { effect, parameter, spec } => {
-                (unit.effects[effect].values[parameter] - spec.neutral)
-                    / (spec.on(&unit.parameters).typical - spec.neutral)
-            }
+            Self::Effect { effect, parameter, .. } => self.position_at(unit, unit.effects[effect].values[parameter]),
         }
+    }
+
+    /// The position at which the parameter has a value, in its unit; the value need not be within its range.
+    #[must_use]
+    pub fn position_at(&self, unit: &Unit, value: f64) -> f64 {
+        match *self {
+            Self::Parameter { index, tolerance } | Self::Free { index, step: tolerance } => {
+                let nominal = (ENTRIES[index].get)(&unit.parameters);
+                match tolerance {
+                    Tolerance::Relative(share) => (value / nominal - 1.0) / share,
+                    Tolerance::Absolute(size) => (value - nominal) / size,
+                    // A value of the other sign is as far as any.
+                    Tolerance::LogNormal(share) => (value / nominal).max(f64::MIN_POSITIVE).ln() / share,
+                }
+            }
+            Self::Effect { spec, .. } => (value - spec.neutral) / (spec.on(&unit.parameters).typical - spec.neutral),
+        }
+    }
+
+    /// The positions between which a parameter of an effect makes physical sense on a unit.
+    #[must_use]
+    pub fn range_of(spec: &EffectParameter, unit: &Unit) -> (f64, f64) {
+        let spec = spec.on(&unit.parameters);
+        let [a, b] = [spec.min, spec.max].map(|bound| (bound - spec.neutral) / (spec.typical - spec.neutral));
+        (a.min(b), a.max(b))
     }
 }
 
@@ -121,25 +152,12 @@ impl Coordinate for FreeParameter {
     /// The positions between which the value makes physical sense.
     fn range(&self, unit: &Unit) -> (f64, f64) {
         match *self {
-            Self::Parameter { index, tolerance } | Self::Free { index, step: tolerance } => {
-                let entry = &ENTRIES[index];
-                let nominal = (entry.get)(&unit.parameters);
-                let position = |value: f64| match tolerance {
-                    Tolerance::Relative(share) => (value / nominal - 1.0) / share,
-                    Tolerance::Absolute(size) => (value - nominal) / size,
-                    // A value of the other sign is as far as any.
-                    Tolerance::LogNormal(share) => (value / nominal).max(f64::MIN_POSITIVE).ln() / share,
-                };
-                let (a, b) = (position(entry.min), position(entry.max));
+            Self::Parameter { index, .. } | Self::Free { index, .. } => {
+                let [a, b] = [ENTRIES[index].min, ENTRIES[index].max].map(|bound| self.position_at(unit, bound));
                 let farthest = if self.has_prior() { FARTHEST } else { FARTHEST_FREE };
                 (a.min(b).clamp(-farthest, 0.0), a.max(b).clamp(0.0, farthest))
             }
-            Self::Effect { spec, .. } => {
-                let spec = spec.on(&unit.parameters);
-                let scale = spec.typical - spec.neutral;
-                let (a, b) = ((spec.min - spec.neutral) / scale, (spec.max - spec.neutral) / scale);
-                (a.min(b), a.max(b))
-            }
+            Self::Effect { spec, .. } => Self::range_of(spec, unit),
         }
     }
 

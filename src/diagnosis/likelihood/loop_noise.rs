@@ -7,6 +7,7 @@
 
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
+use crate::estimation::coordinate::square;
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::{Problem, USUAL_LOOP_NOISE};
 use govtwin_model::parameters::Unit;
@@ -21,8 +22,8 @@ const TRIED: [f64; 7] = [0.2, 0.26, 0.34, 0.45, 0.59, 0.77, 1.0];
 /// Length of a stretch, s and samples at least.
 const STRETCH: (f64, usize) = (1.0, 25);
 
-/// A ratio so many times as small is worth another exploration.
-const FAR: f64 = 1.6;
+/// Gain in the logarithm of the likelihood for which fits begin anew.
+const LIKELIER: f64 = 20.0;
 
 /// Probabilities that a stretch's squared residuals are so many times what noise makes them.
 const SPOILED: [(f64, f64); 5] = [(0.6, 1.0), (0.1, 4.0), (0.1, 16.0), (0.1, 64.0), (0.1, 256.0)];
@@ -33,10 +34,14 @@ pub fn heard(problem: Problem, unit: &Unit) -> Problem {
     likeliest(&problem, unit).unwrap_or(problem)
 }
 
-/// The same where a model with effects hears far less than the problem assumes, so that residuals of these effects had passed for noise; else none.
+/// The same where the noise laid out along this unit makes its residuals so much likelier that all fits should count by it; else none.
 #[must_use]
-pub fn quieter(problem: &Problem, unit: &Unit) -> Option<Problem> {
-    likeliest(problem, unit).filter(|quieter| quieter.loop_noise_ratio() < problem.loop_noise_ratio() / FAR)
+pub fn likelier(problem: &Problem, unit: &Unit) -> Option<Problem> {
+    let log_likelihood = |problem: &Problem| {
+        let residuals = problem.residuals_of(std::slice::from_ref(unit)).pop().unwrap_or_default();
+        -0.5 * (square(&residuals) + problem.width())
+    };
+    likeliest(problem, unit).filter(|other| log_likelihood(other) > log_likelihood(problem) + LIKELIER)
 }
 
 fn likeliest(problem: &Problem, unit: &Unit) -> Option<Problem> {

@@ -78,10 +78,9 @@ pub fn nominal(
     (problem, refitted, sheet)
 }
 
-/// The same on a problem whose noise was learned anew, from where the refitted model stands.
+/// The same on a problem whose noise was laid out anew, from where the refitted model stands.
 #[must_use]
-pub fn renewed(problem: &Problem, refitted: &FittedModel) -> (Problem, FittedModel, FittedModel) {
-    let problem = problem.laid_along(&refitted.unit());
+pub fn renewed(problem: Problem, refitted: &FittedModel) -> (Problem, FittedModel, FittedModel) {
     let FittedModel { base, free_parameters, .. } = refitted;
     let fine = fit(&problem, base, free_parameters, &refitted.fit.positions, Effort::FULL, None);
     let sheet = FittedModel::sheet(&problem, base, free_parameters);

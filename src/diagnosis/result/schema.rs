@@ -9,8 +9,8 @@ use crate::hypotheses::table::EvidenceTable;
 use crate::model::consistency::Consistency;
 use crate::result::{
     Blame, Breakdown, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted, Interval,
-    JudgedBy, Ranked, Remainder, SheetLimits, SignalGap, StageFigure, StageOnly, StageTest, Trace, Transfer, Tried,
-    Verdict,
+    JudgedBy, Ranked, Regret, Remainder, SheetLimits, SignalGap, StageFigure, StageOnly, StageTest, Trace, Transfer,
+    Tried, Verdict,
 };
 use govtwin_model::effects::Stage;
 use govtwin_model::parameters::{ChannelReadings, Parameters, Sensors, Unit};
@@ -135,6 +135,9 @@ pub struct ReportedEvidence {
     pub discrepancy_terms: Vec<DiscrepancyTerm>,
     /// Number of simulated recordings that it took.
     pub simulations: usize,
+    /// By how much the search missed what the true values reach, where they are known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regret: Option<Regret>,
     /// Where the servomotor stage alone was judged.
     #[serde(default, rename = "servomotor_stage_only")]
     pub part: Option<StageOnly>,
@@ -295,6 +298,7 @@ impl DiagnosisReport {
                 stage_tests: diagnosis.stage_tests.clone(),
                 discrepancy_terms: diagnosis.discrepancy_terms.clone(),
                 simulations: diagnosis.simulations,
+                regret: diagnosis.regret.clone(),
                 part,
                 traces: Vec::new(),
             },
@@ -378,6 +382,7 @@ impl From<DiagnosisReport> for Diagnosis {
             part: evidence.part.map(|part| StageOnly { figures, ..part }),
             notes: report.notes,
             simulations: evidence.simulations,
+            regret: evidence.regret,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 mod answers;
 
-use crate::benchmark::score::{Confusion, Score, ScoredMeasure};
+use crate::benchmark::score::{Confusion, RegretScore, Score, ScoredMeasure};
 use crate::benchmark::scored::{MissedBy, SEEN, ScoredUnit};
 use crate::benchmark::scored_report::ScoredReport as _;
 use crate::benchmark::statistics::{Bin, Measured};
@@ -88,6 +88,10 @@ pub fn page(
         svg(&reliability_picture(methods))?,
         "Share of true statements against their stated probability. On the diagonal both are equal. Whiskers: 95 % intervals.",
     );
+    if let Some(words) = regret_in_words(&first.score.regret) {
+        body.heading("Regret of the search");
+        body.paragraph(words);
+    }
     body.heading("Units");
     body.table(
         cases_table(cases),
@@ -99,6 +103,32 @@ pub fn page(
         ),
     );
     Ok(page)
+}
+
+/// How far the search stayed behind what the true values reach, in sentences; none where no true values are known.
+#[must_use]
+pub fn regret_in_words(regret: &RegretScore) -> Option<String> {
+    let share = |share: f64| {
+        if share.is_finite() {
+            format!("{} %", percent(share))
+        } else {
+            "∞ (no set with the true faults was fitted)".to_owned()
+        }
+    };
+    let quantiles: Vec<String> = regret
+        .quantiles
+        .iter()
+        .map(|&(units, at_most)| format!("at most {} in {} % of the units", share(at_most), percent(units)))
+        .collect();
+    let large: Vec<String> = regret.large.iter().map(|(name, of)| format!("{name} {}", share(*of))).collect();
+    let large = if large.is_empty() { "none".to_owned() } else { large.join(", ") };
+    (!quantiles.is_empty()).then(|| {
+        format!(
+            "Regret of the search (χ² found for the best set that holds the true faults, less χ² reached from the true values, as a share of χ²): {}. \
+             Above 1 %: {large}.",
+            quantiles.join(", ")
+        )
+    })
 }
 
 /// The readable name of a verdict or a truth.

@@ -9,6 +9,11 @@ use govtwin_diagnosis::result::Verdict;
 
 /// A measure without a target; of others the words, and from what to what the value may lie.
 const OPEN: (&str, f64, f64) = ("", 0.0, 1.0);
+/// Largest regret of a search that found the optimum, as a share of χ².
+pub const SMALL_REGRET: f64 = 0.01;
+/// Quantiles of the regret that a score states.
+const REGRET_QUANTILES: [f64; 4] = [0.5, 0.9, 0.99, 1.0];
+
 /// One measure with its target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScoredMeasure {
@@ -46,6 +51,34 @@ pub struct Score {
     pub confusion: Confusion,
     /// Reported probabilities against observed frequencies, with half of the units fault-free, as for the learned weights.
     pub reliability: Vec<Bin>,
+    /// Regret of the search.
+    pub regret: RegretScore,
+}
+
+/// Regret of the search over the units whose true values are known, as shares of χ²; infinite where no set with the true faults was fitted.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RegretScore {
+    /// Quantiles, each with the share of units that have no more.
+    pub quantiles: Vec<(f64, f64)>,
+    /// The units with more than [`SMALL_REGRET`], the largest first.
+    pub large: Vec<(String, f64)>,
+}
+
+impl RegretScore {
+    fn of(cases: &[ScoredUnit]) -> Self {
+        let mut all: Vec<(String, f64)> =
+            cases.iter().filter_map(|case| Some((case.label.name.clone(), case.regret()?))).collect();
+        all.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let quantiles = REGRET_QUANTILES.into_iter().filter_map(|share| {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a place in a short list")]
+            let place = (share * all.len() as f64).ceil() as usize;
+            all.get(place.max(1) - 1).map(|(_, regret)| (share, *regret))
+        });
+        Self {
+            quantiles: quantiles.collect(),
+            large: all.iter().rev().take_while(|(_, regret)| *regret > SMALL_REGRET).cloned().collect(),
+        }
+    }
 }
 
 /// Truths by words: counts.
@@ -73,7 +106,7 @@ pub fn score(cases: &[ScoredUnit]) -> Score {
         }));
     }
     let (units, measures, confusion) = (cases.len(), measures(cases), confusion(cases));
-    Score { units, measures, confusion, reliability: reliability(&claims) }
+    Score { units, measures, confusion, reliability: reliability(&claims), regret: RegretScore::of(cases) }
 }
 
 /// The share of cases of which something holds, and its misses; `good`: whether it should hold.
@@ -108,6 +141,7 @@ fn measures(cases: &[ScoredUnit]) -> Vec<ScoredMeasure> {
     let probabilities: Vec<f64> = singles().map(|case| case.report.probability(case.first_truth())).collect();
     let seconds: Vec<f64> = all().filter_map(|case| case.report.seconds).collect();
     let only = |measured| (measured, None);
+    let regret = only(Measured::of(all().filter_map(ScoredUnit::regret).map(|regret| regret <= SMALL_REGRET)));
     let explained_fraction = only(Measured::of(all().filter_map(ScoredUnit::explained_fraction_is_covered)));
     let size = only(Measured::of(all().filter_map(ScoredUnit::size_is_covered)));
     let probability = only(Measured::mean_probability(&probabilities));
@@ -169,6 +203,7 @@ fn measures(cases: &[ScoredUnit]) -> Vec<ScoredMeasure> {
             explained_fraction,
         ),
         row("size_coverage", "true size inside the 90 % interval", OPEN, size),
+        row("regret", "search within 1 % of the χ² reached from the true values", ("≥ 99 %", 0.99, 1.0), regret),
         row("seconds", "time for one unit, s", ("≤ 60 s", 0.0, 60.0), time),
     ]);
     rows

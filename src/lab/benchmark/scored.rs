@@ -2,8 +2,8 @@
 
 use crate::battery::{Label, TrueFault};
 use crate::benchmark::scored_report::ScoredReport as _;
-use govtwin_diagnosis::result::Verdict;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_diagnosis::result::{Regret, Verdict};
 
 /// Gain in likelihood, as −2 ln, from which something can be told: a log Bayes factor of 10, of which the odds against any effect take half.
 pub const SEEN: f64 = 20.0;
@@ -158,6 +158,12 @@ impl ScoredUnit {
         let blamed = self.report.effects.iter().find(|effect| effect.id == truth.id)?;
         let claim = blamed.parameters.first()?.value;
         claim.is_bounded().then(|| (claim.low..=claim.high).contains(&truth.size))
+    }
+
+    /// Regret of the search as a share of χ²; none where the true values are not known.
+    #[must_use]
+    pub fn regret(&self) -> Option<f64> {
+        self.report.evidence.regret.as_ref().map(Regret::share).filter(|share| !share.is_nan())
     }
 
     pub(super) fn explained_fraction_is_covered(&self) -> Option<bool> {

@@ -1,0 +1,175 @@
+//! Profiles: every effect at sizes over its whole range on top of a model, with the free parameters following, and the sizes that are worth more.
+
+use crate::estimation::coordinate::subject_at;
+use crate::estimation::fit::{Effort, Start, fit_all};
+use crate::estimation::following::{Displaced, Followed, followed, profile_sizes};
+use crate::identification::free_parameter::FreeParameter;
+use crate::likelihood::problem::Problem;
+use crate::model::FittedModel;
+use crate::model::support::Variant;
+use govtwin_model::effects::EffectSpec;
+use govtwin_model::parameters::Unit;
+
+/// Places whose fits show what a unit is like.
+const GLANCED: usize = 3;
+
+/// A size is hopeless where it promises so many times the cost of the refitted sheet.
+const HOPELESS: f64 = 4.0;
+
+/// An effect at one size, or one of the point's own effects taken away.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Atom {
+    /// The effect of the catalogue with this place, so large.
+    Sized {
+        /// Place in the catalogue.
+        effect: usize,
+        /// Size and shape.
+        variant: Variant,
+    },
+    /// The point's own effect with this place, gone.
+    Removed {
+        /// Place among the point's effects.
+        own: usize,
+    },
+}
+
+/// A place of a profile: an effect at one size, or one of the model's own effects taken away, and where the free parameters stand there.
+#[derive(Clone, Debug)]
+pub struct ProfilePlace {
+    /// What is different from the model.
+    pub atom: Atom,
+    /// Where it stands.
+    pub at: Displaced<FreeParameter>,
+    /// Cost there, to first order; infinite where nobody looked.
+    pub promised: f64,
+}
+
+/// The profiles of all effects of a catalogue that a model lacks, where they are lowest: the sizes that promise most, and the smallest, which shows what
+/// could be detected; and the model without each of its own effects.
+///
+/// The refitted sheet costs `without_effects`.
+#[must_use]
+pub fn profiles(
+    problem: &Problem,
+    model: &FittedModel,
+    catalogue: &[&'static EffectSpec],
+    without_effects: f64,
+) -> Vec<ProfilePlace> {
+    let places = all(model, catalogue);
+    let displaced: Vec<Displaced<FreeParameter>> = places.iter().map(|place| place.at.clone()).collect();
+    let promised = followed(problem, &model.fit.slopes, &displaced);
+    let mut kept = Vec::new();
+    let mut first = 0;
+    while first < places.len() {
+        let count = 1 + places[first + 1..].iter().take_while(|place| place.is_beside(&places[first])).count();
+        let lowest = lowest(&promised[first..first + count], HOPELESS * without_effects);
+        kept.extend(lowest.into_iter().map(|k| {
+            let place = &places[first + k];
+            let Followed { positions, cost } = promised[first + k].clone();
+            ProfilePlace { atom: place.atom, at: Displaced { positions, ..place.at.clone() }, promised: cost }
+        }));
+        first += count;
+    }
+    kept
+}
+
+/// The same sizes on top of another model without effects, whose free parameters stay where they are.
+#[must_use]
+pub fn moved_to(model: &FittedModel, catalogue: &[&'static EffectSpec], places: &[ProfilePlace]) -> Vec<ProfilePlace> {
+    let sized = places.iter().filter_map(|place| match place.atom {
+        Atom::Sized { effect, variant } => added(model, catalogue, effect, variant),
+        Atom::Removed { .. } => None,
+    });
+    sized.collect()
+}
+
+/// The best fit from the places on top of a sheet that promise most, and its cost: enough to see what a unit is like, not what it costs to the last.
+#[must_use]
+pub fn fitted_best(problem: &Problem, sheet: &FittedModel, places: &[ProfilePlace]) -> Option<(f64, Unit)> {
+    let mut best: Vec<&ProfilePlace> = places.iter().filter(|place| place.promised.is_finite()).collect();
+    best.sort_by(|a, b| a.promised.total_cmp(&b.promised));
+    best.truncate(GLANCED);
+    let starts = best.iter().map(|place| Start {
+        base: &place.at.base,
+        coordinates: &place.at.coordinates,
+        positions: &place.at.positions,
+        effort: Effort::SCOUT,
+        known: Some(&sheet.fit.slopes),
+    });
+    let fits = fit_all(problem, &starts.collect::<Vec<_>>());
+    let found = best.into_iter().zip(fits).min_by(|a, b| a.1.cost().total_cmp(&b.1.cost()))?;
+    Some((found.1.cost(), subject_at(&found.0.at.base, &found.0.at.coordinates, &found.1.positions)))
+}
+
+impl ProfilePlace {
+    /// Whether both are of one profile: the same effect with the same sign and shape.
+    fn is_beside(&self, other: &Self) -> bool {
+        match (self.atom, other.atom) {
+            (Atom::Sized { effect: a, variant: one }, Atom::Sized { effect: b, variant: other }) => {
+                a == b && one.size * other.size > 0.0 && one.further == other.further
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Places in a profile that are kept: the first, the lowest, and the lower one of its neighbours.
+fn lowest(profile: &[Followed], hopeless: f64) -> Vec<usize> {
+    let cost = |k: usize| profile[k].cost;
+    let mut kept = vec![0];
+    if let Some(best) = (0..profile.len()).min_by(|&a, &b| cost(a).total_cmp(&cost(b))) {
+        let neighbours = [best.checked_sub(1), (best + 1 < profile.len()).then_some(best + 1)];
+        let beside = neighbours.into_iter().flatten().min_by(|&a, &b| cost(a).total_cmp(&cost(b)));
+        kept.extend(std::iter::once(best).chain(beside).filter(|&k| cost(k) < hopeless));
+    }
+    kept.sort_unstable();
+    kept.dedup();
+    kept
+}
+
+/// Every effect that a model lacks at all its sizes and shapes on top of it, size by size, and the model without each of its own effects.
+fn all(model: &FittedModel, catalogue: &[&'static EffectSpec]) -> Vec<ProfilePlace> {
+    let lacking = catalogue.iter().enumerate().filter(|(_, spec)| !model.has(spec.id));
+    let variants =
+        lacking.flat_map(|(effect, spec)| variants(spec, &model.base).into_iter().map(move |one| (effect, one)));
+    let mut all: Vec<ProfilePlace> =
+        variants.filter_map(|(effect, variant)| added(model, catalogue, effect, variant)).collect();
+    all.extend((0..model.effects.len()).map(|own| removed(model, own)));
+    all
+}
+
+/// A model with one more effect; none where the size is out of its range.
+fn added(
+    model: &FittedModel,
+    catalogue: &[&'static EffectSpec],
+    effect: usize,
+    variant: Variant,
+) -> Option<ProfilePlace> {
+    let (base, coordinates, positions) = model.with_effect(catalogue[effect], variant)?;
+    let columns = (0..model.free_parameters.len()).collect();
+    Some(ProfilePlace {
+        atom: Atom::Sized { effect, variant },
+        at: Displaced { base, coordinates, positions, columns },
+        promised: f64::INFINITY,
+    })
+}
+
+/// A model without one of its effects.
+fn removed(model: &FittedModel, own: usize) -> ProfilePlace {
+    let kept: Vec<&str> = (0..model.effects.len()).filter(|&k| k != own).map(|k| model.effects[k].id).collect();
+    let (base, coordinates, positions) = model.keeping(&kept);
+    let place = model.base.effects.len() - model.effects.len() + own;
+    let stays =
+        |k: &usize| !matches!(model.free_parameters[*k], FreeParameter::Effect { effect, .. } if effect == place);
+    let columns = (0..model.free_parameters.len()).filter(stays).collect();
+    let at = Displaced { base, coordinates, positions, columns };
+    ProfilePlace { atom: Atom::Removed { own }, at, promised: f64::INFINITY }
+}
+
+/// Shapes and sizes at which an effect is simulated, profile by profile: those of its range on this unit.
+fn variants(spec: &EffectSpec, unit: &Unit) -> Vec<Variant> {
+    let further: &[f64] = if spec.parameters.len() > 1 { &[1.0, 0.0] } else { &[1.0] };
+    let range = spec.parameters.first().map(|first| FreeParameter::range_of(first, unit));
+    let sizes = range.map(profile_sizes).unwrap_or_default();
+    further.iter().flat_map(|&further| sizes.iter().map(move |&size| Variant { size, further })).collect()
+}
