@@ -4,14 +4,20 @@
 mod align;
 #[path = "bag/any_bytes.rs"]
 mod any_bytes;
+#[path = "bag/bounds.rs"]
+mod bounds;
 #[path = "bag/compressed.rs"]
 mod compressed;
 #[path = "bag/damage.rs"]
 mod damage;
+#[path = "bag/definitions.rs"]
+mod definitions;
 #[path = "bag/errors.rs"]
 mod errors;
 #[path = "bag/growing.rs"]
 mod growing;
+#[path = "bag/impossible.rs"]
+mod impossible;
 #[cfg(feature = "cli")]
 #[path = "bag/info.rs"]
 mod info;

@@ -56,6 +56,7 @@ pub(super) fn align(
         times_ns.sort_unstable();
     }
     times_ns.dedup();
+    check_sparse(&times_ns, path)?;
 
     let mut command = Cursor::new(&streams.command);
     let mut esv = Cursor::new(&streams.esv);
@@ -85,6 +86,30 @@ pub(super) fn align(
         frames.push(Frame { time_ns, inputs, measured });
     }
     Ok(frames)
+}
+
+/// Rows that a twin runs between the rows of a recording, one a tick of a millisecond, are bounded by the rows there are: one a second at least.
+///
+/// # Errors
+/// Where there are fewer.
+fn check_sparse(times_ns: &[i64], path: &std::path::Path) -> Result<(), BagError> {
+    let (Some(&begin_ns), Some(&end_ns)) = (times_ns.first(), times_ns.last()) else { return Ok(()) };
+    let (ticks, limit) = (end_ns.saturating_sub(begin_ns) / TICK_NS, most_ticks(times_ns.len()));
+    if ticks <= limit {
+        return Ok(());
+    }
+    let duration_s = seconds_from_nanos(end_ns.saturating_sub(begin_ns));
+    Err(BagError::TooManyRows { path: path.to_owned(), period_ns: TICK_NS, duration_s, rows: ticks, limit })
+}
+
+/// The tick of a twin, ns.
+pub(super) const TICK_NS: i64 = 1_000_000;
+/// Of a recording that is longer, so many ticks for each of its rows.
+const TICKS_A_ROW: i64 = 1000;
+
+/// The most ticks that so many rows are simulated over.
+pub(super) fn most_ticks(rows: usize) -> i64 {
+    i64::try_from(rows).unwrap_or(i64::MAX).saturating_mul(TICKS_A_ROW).max(ROW_LIMIT)
 }
 
 /// An absent input's one sample lies before all time and makes no row.

@@ -11,7 +11,7 @@ const STEP: f64 = 1e-9;
 
 /// How a channel may behave; the limits are those of `qualification`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Behaviour {
+pub(crate) struct Behaviour {
     /// Excursions smaller than this are of no account, in the channel's unit.
     pub(super) worth: f64,
     /// No plant moves faster, in the channel's unit each second; `None` where nothing is known.
@@ -31,11 +31,11 @@ pub(super) struct Outlier {
 
 /// Numbers of one channel, taken one by one.
 #[derive(Clone, Debug)]
-pub(super) struct Channel {
+pub(crate) struct Channel {
     behaviour: Behaviour,
     last: [Option<(i64, f64)>; 2],
     /// Finite numbers.
-    pub(super) count: u64,
+    pub(crate) count: u64,
     pub(super) least: f64,
     pub(super) most: f64,
     /// How many are exactly the least, and exactly the most.
@@ -49,16 +49,18 @@ pub(super) struct Channel {
     bends: Distribution,
     /// The same for those whose neighbours are near each other, and that came and went too fast.
     lone_bends: Distribution,
+    /// How many of these there are.
+    lone: u64,
     /// The largest of these.
     worst: Option<Outlier>,
     window: [f64; 2],
     in_window: u64,
     /// Numbers in windows in which each is unlike the last and like the last but one.
-    pub(super) alternating: u64,
+    pub(crate) alternating: u64,
 }
 
 impl Channel {
-    pub(super) fn new(behaviour: Behaviour) -> Self {
+    pub(crate) fn new(behaviour: Behaviour) -> Self {
         Self {
             behaviour,
             last: [None; 2],
@@ -71,6 +73,7 @@ impl Channel {
             visits: [0; 2],
             bends: Distribution::default(),
             lone_bends: Distribution::default(),
+            lone: 0,
             worst: None,
             window: [0.0; 2],
             in_window: 0,
@@ -79,7 +82,7 @@ impl Channel {
     }
 
     /// Takes a number, which counts where it is finite.
-    pub(super) fn push(&mut self, time_ns: i64, value: f64) {
+    pub(crate) fn push(&mut self, time_ns: i64, value: f64) {
         if !value.is_finite() {
             return;
         }
@@ -114,6 +117,7 @@ impl Channel {
         let lone = bend > worth && (after.1 - before.1).abs() < bend / 4.0 && bend > fastest_per_s * half_s;
         if lone {
             self.lone_bends.push(steps(bend));
+            self.lone += 1;
             if self.worst.is_none_or(|worst| (worst.value - worst.expected).abs() < bend) {
                 self.worst = Some(Outlier { time_ns: middle.0, value: middle.1, expected });
             }
@@ -142,6 +146,11 @@ impl Channel {
         self.worst
             .filter(|worst| (worst.value - worst.expected).abs() / STEP > limit)
             .map(|worst| (count.max(1), worst))
+    }
+
+    /// How many samples come and go faster than any plant moves, with neighbours that are near each other.
+    pub(crate) fn lone(&self) -> u64 {
+        self.lone
     }
 
     /// Numbers elsewhere than at an end that repeat the one before, as a share of those elsewhere.

@@ -78,6 +78,11 @@ impl Clock {
         self.blocks.push(DelayBlock { stamp_ns, delay_ns, messages: 1 });
     }
 
+    /// The least time from stamp to recording, s: that of a message which nothing held up.
+    pub(super) fn least_delay_s(&self) -> Option<f64> {
+        self.blocks.iter().map(|block| block.delay_ns).min().map(seconds_from_nanos)
+    }
+
     /// The drift, by the median of the slopes between all blocks (Theil 1950, Sen 1968).
     pub(super) fn drift(&self) -> Option<Drift> {
         let first_ns = self.first_ns?;

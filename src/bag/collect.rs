@@ -9,6 +9,7 @@ use super::order::{self, Jump, Silence};
 use super::pace::Pace;
 use super::streams::{OpeningCommand, Pressure, Sample, Value, decode};
 use super::topic::{RawView, TopicInfo, shown};
+use super::translation::Translation;
 use super::{Positions, ReadOptions, Stream, StreamHealth, Warning};
 use crate::msg::Interface;
 use crate::msg::definition;
@@ -39,6 +40,8 @@ pub(super) trait AnyCollector {
     fn is_near_zero(&self) -> bool;
     /// Takes the log time for the time of samples whose stamp is 0.
     fn date_by_log(&mut self);
+    /// Moves all stamps onto the recorder's clock, by the least delay of a message.
+    fn align_by_log(&mut self);
     /// Puts samples into the order of arrival, drops stray stamps, gives the log times.
     fn arrive(&mut self) -> Vec<i64>;
     /// The jumps of the clock.
@@ -48,6 +51,15 @@ pub(super) trait AnyCollector {
     fn keep_run(&mut self, runs: &[usize], run: usize);
     /// Puts samples into the order of their stamps.
     fn sort(&mut self);
+}
+
+/// Where the definition of a topic's messages differs from the one that this crate knows. A schema in another language, or none, leaves the name
+/// as the only witness.
+fn difference(topic: &TopicInfo) -> Option<String> {
+    let schema = std::str::from_utf8(&topic.schema).ok().filter(|_| topic.schema_encoding == "ros2msg")?;
+    let found = definition::parse_schema(&topic.type_name, schema).ok()?;
+    let expected = definition::closure_of(&topic.type_name).ok()?;
+    definition::difference(&expected, &found)
 }
 
 impl<V: Value> Collector<V> {
@@ -89,11 +101,10 @@ impl<V: Value> AnyCollector for Collector<V> {
         if topic.encoding != "cdr" {
             return Some(format!("that type, but encoded as `{}` instead of `cdr`", shown(&topic.encoding)));
         }
-        // A schema in another language, or none, leaves the name as the only witness.
-        let schema = std::str::from_utf8(&topic.schema).ok().filter(|_| topic.schema_encoding == "ros2msg")?;
-        let found = definition::parse_schema(&topic.type_name, schema).ok()?;
-        let expected = definition::closure_of(V::Message::TYPE_NAME).ok()?;
-        definition::difference(&expected, &found).map(|difference| format!("another version of it: {difference}"))
+        let difference = difference(topic)?;
+        // Another layout of the same fields is read by their names.
+        let problem = Translation::new(topic).err()?;
+        Some(format!("another version of it: {difference} ({problem})"))
     }
 
     fn is_near_zero(&self) -> bool {
@@ -102,6 +113,10 @@ impl<V: Value> AnyCollector for Collector<V> {
 
     fn date_by_log(&mut self) {
         order::date_by_log(&mut self.samples, &mut self.health);
+    }
+
+    fn align_by_log(&mut self) {
+        order::align_by_log(&mut self.samples);
     }
 
     fn arrive(&mut self) -> Vec<i64> {
@@ -140,7 +155,18 @@ pub(super) struct Collected {
     pub(super) tank_pressure: Collector<Pressure>,
     pub(super) servo_state: Collector<Signals>,
     /// By the address of what messages of one announcement share, which is kept so that nothing else gets that address.
-    known: BTreeMap<usize, (Arc<TopicInfo>, Option<Stream>)>,
+    known: BTreeMap<usize, Announced>,
+    /// Messages that were read by another definition of their type than the known one, by topic.
+    pub(super) translated: BTreeMap<String, (String, u64)>,
+}
+
+/// A topic as one channel announces it.
+struct Announced {
+    #[expect(dead_code, reason = "kept so that nothing else gets its address")]
+    topic: Arc<TopicInfo>,
+    stream: Option<Stream>,
+    /// How its messages become those of the known definition, where they are of another one.
+    translation: Option<Translation>,
 }
 
 impl Collected {
@@ -151,6 +177,7 @@ impl Collected {
             tank_pressure: Collector::new(Stream::TankPressure, options),
             servo_state: Collector::new(Stream::ServoState, options),
             known: BTreeMap::new(),
+            translated: BTreeMap::new(),
         }
     }
 
@@ -164,8 +191,22 @@ impl Collected {
 
     /// Takes a message; false where it is on none of the four topics.
     pub(super) fn take(&mut self, message: RawView<'_>) -> bool {
-        let Some(place) = self.place(message.topic) else { return false };
-        match place {
+        let address = Arc::as_ptr(message.topic).addr();
+        if !self.known.contains_key(&address) {
+            let announced = self.announced(message.topic);
+            self.known.insert(address, announced);
+        }
+        let Some(Announced { stream: Some(stream), translation, .. }) = self.known.get(&address) else { return false };
+        let stream = *stream;
+        let translated = translation.as_ref().map(|translation| translation.of(message.data).unwrap_or_default());
+        let message = match &translated {
+            Some(data) => RawView { data, ..message },
+            None => message,
+        };
+        if let Some(known) = self.translated.get_mut(&message.topic.name).filter(|_| translated.is_some()) {
+            known.1 += 1;
+        }
+        match stream {
             Stream::Command => self.command.take(message),
             Stream::Esv => self.esv.take(message),
             Stream::TankPressure => self.tank_pressure.take(message),
@@ -174,21 +215,26 @@ impl Collected {
         true
     }
 
-    /// The stream of a topic, by name once for each announcement of it.
-    fn place(&mut self, topic: &Arc<TopicInfo>) -> Option<Stream> {
-        let address = Arc::as_ptr(topic).addr();
-        if let Some((_, stream)) = self.known.get(&address) {
-            return *stream;
-        }
+    /// What is known of a topic, by name and definition once for each announcement of it.
+    fn announced(&mut self, topic: &Arc<TopicInfo>) -> Announced {
         let stream = self.all().iter().find(|one| one.health().topic == topic.name).map(|one| one.stream());
-        self.known.insert(address, (Arc::clone(topic), stream));
-        stream
+        let other = stream.and_then(|_| difference(topic));
+        let translation = other.as_ref().and_then(|_| Translation::new(topic).ok());
+        if let Some(other) = other.filter(|_| translation.is_some()) {
+            self.translated.entry(topic.name.clone()).or_insert((other, 0));
+        }
+        Announced { topic: Arc::clone(topic), stream, translation }
     }
 
     /// Leaves the samples of one clock, each stream in the order of its stamps.
     ///
     /// Where the clock of the stamps jumps, the run between two jumps that has most samples stays.
-    pub(super) fn settle(&mut self) -> Option<Warning> {
+    pub(super) fn settle(&mut self, by_log: bool) -> Option<Warning> {
+        if by_log {
+            for stream in self.all_mut() {
+                stream.align_by_log();
+            }
+        }
         if !self.all().iter().any(|stream| stream.is_near_zero()) {
             for stream in self.all_mut() {
                 stream.date_by_log();

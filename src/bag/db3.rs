@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use rusqlite::{Connection, OpenFlags, Row};
+use rusqlite::config::DbConfig;
+use rusqlite::{Connection, OpenFlags, OptionalExtension as _, Row, ffi};
 
 use super::channels::Channels;
 use super::mcap_file::ScannedFile;
@@ -80,8 +81,26 @@ impl Db3Loader {
     }
 }
 
+/// Opens a database that holds a bag in plain tables: a view or a virtual table may compute without an end.
 fn open(path: &Path) -> rusqlite::Result<Connection> {
-    Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX)
+    let connection =
+        Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX)?;
+    connection.set_db_config(DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false)?;
+    connection.set_db_config(DbConfig::SQLITE_DBCONFIG_ENABLE_VIEW, false)?;
+    connection.set_db_config(DbConfig::SQLITE_DBCONFIG_DEFENSIVE, true)?;
+    for name in ["topics", "messages", "message_definitions", "schema"] {
+        // Generated columns are computed as well.
+        let sql = "SELECT type = 'table' AND rootpage > 0 AND sql NOT LIKE '%generated%' AND sql NOT LIKE '% as (%' FROM sqlite_schema \
+                   WHERE name = ?1 COLLATE NOCASE";
+        let plain = connection.query_row(sql, [name], |row| row.get::<_, bool>(0)).optional()?;
+        if plain == Some(false) {
+            let problem = format!(
+                "`{name}` is no plain table: expected the tables of a rosbag2 database, found a view or computed columns"
+            );
+            return Err(rusqlite::Error::SqliteFailure(ffi::Error::new(ffi::SQLITE_ERROR), Some(problem)));
+        }
+    }
+    Ok(connection)
 }
 
 /// A column that older versions of rosbag2 did not write yet.
@@ -95,14 +114,15 @@ fn topics(connection: &Connection) -> rusqlite::Result<BTreeMap<u16, Arc<TopicIn
     let mut rows = statement.query([])?;
     while let Some(row) = rows.next()? {
         let type_name: String = row.get("type")?;
-        let (schema_encoding, schema) = schema(connection, &type_name).unwrap_or_default();
+        let type_hash = optional(row, "type_description_hash");
+        let (schema_encoding, schema) = schema(connection, &type_name, &type_hash).unwrap_or_default();
         let topic = TopicInfo {
             name: row.get("name")?,
             encoding: row.get("serialization_format")?,
             schema_encoding,
             schema: schema.into_bytes().into(),
             offered_qos_profiles: optional(row, "offered_qos_profiles"),
-            type_hash: optional(row, "type_description_hash"),
+            type_hash,
             type_name,
         };
         found.insert(row.get("id")?, Arc::new(topic));
@@ -110,10 +130,13 @@ fn topics(connection: &Connection) -> rusqlite::Result<BTreeMap<u16, Arc<TopicIn
     Ok(found)
 }
 
-/// The definition of a type; Iron and later keep it.
-fn schema(connection: &Connection, type_name: &str) -> rusqlite::Result<(String, String)> {
+/// The definition of a type, of several that of the topic's own version; Iron and later keep it.
+fn schema(connection: &Connection, type_name: &str, type_hash: &str) -> rusqlite::Result<(String, String)> {
+    let of = |sql: &str, parameters: &[&str]| {
+        connection.query_row(sql, rusqlite::params_from_iter(parameters), |row| Ok((row.get(0)?, row.get(1)?)))
+    };
     let sql = "SELECT encoding, encoded_message_definition FROM message_definitions WHERE topic_type = ?1";
-    connection.query_row(sql, [type_name], |row| Ok((row.get(0)?, row.get(1)?)))
+    of(&format!("{sql} AND type_description_hash = ?2"), &[type_name, type_hash]).or_else(|_| of(sql, &[type_name]))
 }
 
 fn library(connection: &Connection) -> rusqlite::Result<String> {

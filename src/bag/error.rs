@@ -142,6 +142,14 @@ pub enum BagError {
         /// The gap, s.
         gap_s: f64,
     },
+    /// Streams of the bag are stamped by clocks that differ.
+    #[error("{path}: {problem}")]
+    Clocks {
+        /// The bag.
+        path: PathBuf,
+        /// Which, by how much, and the way out.
+        problem: String,
+    },
     /// The output is there already.
     #[error("{path}: is there already; name another folder, or move it away")]
     InTheWay {

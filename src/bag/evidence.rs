@@ -1,21 +1,22 @@
 //! What samples and rows show of their senders, clocks and transducers, taken one by one in memory that does not grow.
 
+use super::chain::ChainEvidence;
 use super::channel::{Behaviour, Channel};
 use super::clock::Clock;
 use super::topic::RawView;
-use super::{Qos, Stream};
+use super::{Positions, Qos, Stream};
 use govtwin_model::frame::{EsvState, Frame};
 use govtwin_model::signal::Signal;
 
 /// Opening command: a governor computes it, so that nothing bounds its speed; 2 % of the stroke is more than any dither.
-pub(super) const COMMAND: Behaviour = Behaviour { worth: 0.02, fastest_per_s: 0.0 };
+pub(crate) const COMMAND: Behaviour = Behaviour { worth: 0.02, fastest_per_s: 0.0 };
 /// Tank pressure: oil and gas of an accumulator do not rise and fall by more than 0.2 MPa each second.
-pub(super) const PRESSURE: Behaviour = Behaviour { worth: 1e5, fastest_per_s: 2e5 };
+pub(crate) const PRESSURE: Behaviour = Behaviour { worth: 1e5, fastest_per_s: 2e5 };
 /// ESV: two states, of which each may follow the other.
-pub(super) const ESV: Behaviour = Behaviour { worth: f64::INFINITY, fastest_per_s: f64::INFINITY };
+pub(crate) const ESV: Behaviour = Behaviour { worth: f64::INFINITY, fastest_per_s: f64::INFINITY };
 /// The measured signals in the order of [`Signal::ALL`](govtwin_model::signal::Signal::ALL). No servomotor runs its stroke in less than 0.5 s, no
 /// spool in less than 50 ms, no pilot valve in less than 5 ms; of the control pressure nothing is known, for oil hammers.
-pub(super) const MEASURED: [Behaviour; 4] = [
+pub(crate) const MEASURED: [Behaviour; 4] = [
     Behaviour { worth: 0.02, fastest_per_s: 2.0 },
     Behaviour { worth: 0.02, fastest_per_s: 20.0 },
     Behaviour { worth: 0.05, fastest_per_s: 200.0 },
@@ -173,10 +174,12 @@ impl MeasuredEvidence {
 #[derive(Clone, Debug)]
 pub(super) struct RowEvidence {
     pub(super) signals: [MeasuredEvidence; Signal::ALL.len()],
+    /// How the signals hang together; none where positions are in a unit that nobody knows.
+    pub(super) chain: Option<ChainEvidence>,
 }
 
 impl RowEvidence {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(positions: Positions) -> Self {
         let behaviour = |signal: Signal| -> Behaviour { MEASURED[signal as usize] };
         Self {
             signals: Signal::ALL.map(|signal| MeasuredEvidence {
@@ -185,6 +188,7 @@ impl RowEvidence {
                 still: None,
                 frozen: None,
             }),
+            chain: (positions != Positions::AnyUnit).then(ChainEvidence::default),
         }
     }
 
@@ -192,6 +196,9 @@ impl RowEvidence {
     pub(super) fn row(&mut self, frame: &Frame) {
         for signal in &mut self.signals {
             signal.row(frame);
+        }
+        if let Some(chain) = &mut self.chain {
+            chain.row(frame);
         }
     }
 }

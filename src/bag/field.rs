@@ -147,6 +147,20 @@ impl FieldReader {
         Ok(())
     }
 
+    /// The primitive type at a path of plain names, `header.stamp.sec`; none where there is no single value.
+    pub(super) fn base_of(&self, path: &str) -> Option<&str> {
+        let mut definition = self.types.first()?;
+        let mut names = path.split('.').peekable();
+        while let Some(name) = names.next() {
+            let field = definition.fields.iter().find(|field| field.name == name && field.count == Count::One)?;
+            match self.nested(&field.base) {
+                Some(nested) => definition = nested,
+                None => return names.peek().is_none().then_some(field.base.as_str()),
+            }
+        }
+        None
+    }
+
     fn nested(&self, base: &str) -> Option<&Definition> {
         self.types.iter().find(|definition| definition.type_name == base)
     }
@@ -168,6 +182,17 @@ impl FieldReader {
         let mut found = None;
         self.visit(data, Some(path), &mut |_, value| found = Some(value))?;
         found
+    }
+
+    /// The value at a path, and what the message itself calls it, where the path names an element by its number and names stand beside it.
+    #[must_use]
+    pub fn element(&self, path: &FieldPath, data: &[u8]) -> (Option<FieldValue>, Option<String>) {
+        let (mut found, mut called) = (None, None);
+        let whole = self.visit(data, Some(path), &mut |name, value| {
+            called = Some(name.to_owned()).filter(|name| !name.is_empty());
+            found = Some(value);
+        });
+        if whole.is_some() { (found, called) } else { (None, None) }
     }
 
     /// Every number and text of a message with its path below the topic, such as `position[servomotor]`.
@@ -268,10 +293,11 @@ impl<'a> Visit<'a, '_> {
         for k in 0..count {
             let this = wanted && index.is_none_or(|index| index == k) && (step.is_some() || k < MOST_LISTED);
             let name = || self.names.last().filter(|names| names.len() as u64 == count)?.get(usize::try_from(k).ok()?);
-            let here = if step.is_some() || !this {
-                String::new()
-            } else {
-                name().map_or_else(|| format!("{path}[{k}]"), |name| format!("{path}[{name}]"))
+            let numbered = matches!(step.and_then(|step| step.index.as_ref()), Some(Index::Number(_)));
+            let here = match (this, step.is_some()) {
+                (false, _) => String::new(),
+                (true, true) => name().filter(|_| numbered).cloned().unwrap_or_default(),
+                (true, false) => name().map_or_else(|| format!("{path}[{k}]"), |name| format!("{path}[{name}]")),
             };
             if field.base == "string" && step.is_none() {
                 texts.push(self.walk.text()?.to_owned());

@@ -48,6 +48,12 @@ pub enum Kind {
     NoChecksum,
     /// Nothing states how many messages there should be.
     NoCount,
+    /// Messages of another definition of their type.
+    OtherDefinition,
+    /// Stamps of another clock than those of the other streams.
+    OtherClock,
+    /// Signals that cannot be of one machine, or not of its time.
+    Impossible,
 }
 
 /// One finding.

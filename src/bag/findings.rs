@@ -50,6 +50,28 @@ pub(super) fn only_simulated(measured: &str, simulated: &str) -> Finding {
     }
 }
 
+/// Messages of another definition of their type, which were read by the names of their fields.
+pub(super) fn translated(topic: &str, difference: &str, count: u64) -> Finding {
+    Finding {
+        what: Kind::OtherDefinition,
+        severity: Severity::Note,
+        subject: topic.to_owned(),
+        signal: None,
+        words: format!(
+            "{count} messages are of another version of the type ({}); they are read by the names of its fields",
+            shown(difference)
+        ),
+    }
+}
+
+/// Streams whose clocks differ.
+pub(super) fn other_clock(least: &str, by_s: f64) -> String {
+    format!(
+        "its stamps lie {by_s:.3} s behind those of {least}, while both were recorded at the same time: two clocks, or one of them late; \
+         `--stamp log` aligns all topics by the time of recording"
+    )
+}
+
 pub(super) fn senders(signs: &[String]) -> String {
     format!("more than one sender, by all signs: {}; record one, or name its topic with --topic", signs.join(", "))
 }

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::topic_survey::PaceSurvey;
-use super::{Finding, SYNTHETIC};
+use super::{Finding, Kind, SYNTHETIC, Severity};
 use govtwin_model::units::seconds_from_nanos;
 
 /// Everything worth knowing about a bag besides its values.
@@ -28,6 +28,29 @@ impl Health {
     #[must_use]
     pub fn is_clean(&self) -> bool {
         self.warnings.is_empty()
+    }
+
+    /// Why nothing may be concluded from the recording, where its signals cannot be of one machine.
+    #[must_use]
+    pub fn disqualified(&self) -> Option<String> {
+        let found = self.warnings.iter().filter_map(|warning| match warning {
+            Warning::Doubtful(finding) if finding.severity == Severity::Disqualified => Some(finding.to_string()),
+            _ => None,
+        });
+        let found: Vec<String> = found.collect();
+        (!found.is_empty()).then(|| found.join("; "))
+    }
+
+    /// Why no measure may be taken of the recording: whatever makes its figures those of something else than the unit.
+    #[must_use]
+    pub fn untrusted(&self) -> Option<String> {
+        let doubts = [Kind::Impossible, Kind::SeveralSenders, Kind::OtherClock, Kind::Frozen];
+        let found = self.warnings.iter().filter_map(|warning| match warning {
+            Warning::Doubtful(finding) if doubts.contains(&finding.what) => Some(finding.to_string()),
+            _ => None,
+        });
+        let found: Vec<String> = found.collect();
+        (!found.is_empty()).then(|| found.join("; "))
     }
 
     /// What the bag states under a key of its metadata; the first of its files that has the key counts.

@@ -27,6 +27,7 @@ pub mod msg;
 
 mod align;
 mod batch;
+mod chain;
 mod channel;
 mod channels;
 mod chunk;
@@ -38,6 +39,7 @@ mod distribution;
 mod edges;
 mod error;
 mod evidence;
+mod extras;
 mod field;
 mod finding;
 mod findings;
@@ -68,6 +70,7 @@ mod survey;
 mod tally;
 mod topic;
 mod topic_survey;
+mod translation;
 mod unfinished;
 mod unpack;
 mod writer;
@@ -156,6 +159,8 @@ pub struct Topics {
     pub tank_pressure: String,
     /// Topic of [`Stream::ServoState`].
     pub servo_state: String,
+    /// Stamps are of clocks that differ: each stream is moved onto the recorder's clock, by the least delay of a message.
+    pub by_log: bool,
 }
 
 impl Default for Topics {
@@ -165,6 +170,7 @@ impl Default for Topics {
             esv: "/governor/esv".into(),
             tank_pressure: "/governor/tank_pressure".into(),
             servo_state: "/plant/servo_state".into(),
+            by_log: false,
         }
     }
 }

@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use super::align::FARTHEST_NS;
+use super::align::{FARTHEST_NS, TICK_NS, most_ticks};
 use super::collect::{Collected, Collector};
 use super::edges::Edges;
 use super::evidence::{RowEvidence, StreamEvidence};
@@ -149,11 +149,17 @@ pub(super) struct Live {
     servo_state: Track<Signals>,
     newest_log_ns: Option<i64>,
     untried: usize,
+    /// Stamps are to be moved onto the recorder's clock, for which all of them are needed.
+    by_log: bool,
     /// Rows up to here are made.
     done_ns: i64,
     /// Rows since the last command or servo state: they count once another one comes.
     pending: VecDeque<Frame>,
     previous_ns: Option<i64>,
+    /// The first row, and how many there are: those of a recording that is followed may be few.
+    first_ns: Option<i64>,
+    taken: usize,
+    follows: bool,
     /// The grid below the rows, where one is asked for.
     grid: Option<Grid>,
     /// Rows that were handed on, the grid's not counted.
@@ -175,11 +181,15 @@ impl Live {
             servo_state: Track::new(absent(Stream::ServoState)),
             newest_log_ns: None,
             untried: 0,
+            by_log: options.topics.by_log,
             done_ns: i64::MIN,
             pending: VecDeque::new(),
             previous_ns: None,
+            first_ns: None,
+            taken: 0,
+            follows: false,
             count: 0,
-            evidence: RowEvidence::new(),
+            evidence: RowEvidence::new(options.positions),
             edges: Edges::default(),
         }
     }
@@ -187,7 +197,7 @@ impl Live {
     /// The same for a recording that is followed while it is made.
     pub(super) fn following(options: &ReadOptions, topics: &BTreeSet<String>) -> Self {
         let this = Self::new(options, Some(topics));
-        Self { grid: this.grid.map(Grid::following), ..this }
+        Self { grid: this.grid.map(Grid::following), follows: true, ..this }
     }
 
     /// Streams without messages so far, although the bag may hold them.
@@ -205,6 +215,9 @@ impl Live {
     pub(super) fn take(&mut self, message: RawView<'_>, on_row: &mut dyn FnMut(&Frame)) -> Result<(), Irregular> {
         if !self.collected.take(message) {
             return Ok(());
+        }
+        if self.by_log {
+            return Err(Irregular);
         }
         if self.newest_log_ns.is_some_and(|newest_ns| message.log_time_ns.saturating_sub(newest_ns) > DOUBTFUL_NS) {
             return Err(Irregular);
@@ -267,6 +280,11 @@ impl Live {
             return Err(Irregular);
         }
         self.previous_ns = Some(time_ns);
+        let first_ns = *self.first_ns.get_or_insert(time_ns);
+        self.taken += 1;
+        if !self.follows && time_ns.saturating_sub(first_ns) / TICK_NS > most_ticks(self.taken) {
+            return Err(Irregular);
+        }
         let value = |sample: Option<Sample<Signals>>| sample.map_or(Signals::NONE, |sample| sample.value);
         self.pending.push_back(Frame {
             time_ns,
@@ -318,7 +336,8 @@ impl Live {
     }
 
     /// What was read, once it is finished.
-    pub(super) fn conclude(self) -> Read {
+    pub(super) fn conclude(mut self) -> Read {
+        let translated = std::mem::take(&mut self.collected.translated);
         let (_, mut healths, evidence) = self.collected.finish();
         if let [command, esv, tank_pressure, servo_state] = &mut healths[..] {
             self.command.finish(command);
@@ -326,6 +345,6 @@ impl Live {
             self.tank_pressure.finish(tank_pressure);
             self.servo_state.finish(servo_state);
         }
-        Read { healths, evidence, rows: self.evidence, edges: self.edges, jump: None, count: self.count }
+        Read { healths, evidence, rows: self.evidence, edges: self.edges, jump: None, count: self.count, translated }
     }
 }

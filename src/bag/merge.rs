@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, VecDeque};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::channels::{self, Channels};
@@ -118,6 +118,12 @@ impl MergedMessages {
     #[must_use]
     pub fn span_ns(&self) -> Option<(i64, i64)> {
         self.span_ns
+    }
+
+    /// The MCAP files, where they can be read.
+    pub(super) fn readable(&self) -> Vec<PathBuf> {
+        let mcap = self.loaders.iter().filter(|loader| loader.file.storage == Storage::Mcap);
+        mcap.map(|loader| loader.file.readable().to_owned()).collect()
     }
 
     /// What a user should read before the messages.

@@ -103,6 +103,15 @@ pub(super) fn date_by_log<V>(samples: &mut [Sample<V>], health: &mut StreamHealt
     }
 }
 
+/// Moves the stamps of a stream onto the recorder's clock: a message that nothing held up was recorded when it was stamped.
+pub(super) fn align_by_log<V>(samples: &mut [Sample<V>]) {
+    let delays_ns = samples.iter().map(|sample| sample.log_time_ns.saturating_sub(sample.stamp_ns));
+    let least_ns = delays_ns.min().unwrap_or_default();
+    for sample in samples {
+        sample.stamp_ns = sample.stamp_ns.saturating_add(least_ns);
+    }
+}
+
 /// Drops single samples whose stamp jumps away while the next one is back: a bad stamp, no new clock.
 pub(super) fn drop_strays<V: Value>(samples: &mut Vec<Sample<V>>, health: &mut StreamHealth) {
     let jumps = |before: &Sample<V>, after: &Sample<V>| jumps(before, after, None);

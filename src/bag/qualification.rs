@@ -5,13 +5,17 @@
 //!
 //! | severity | what is found |
 //! |---|---|
-//! | disqualified | values out of every physical range, a tank pressure of zero, stamps that are no time or far from their neighbours, a required servo state without one number |
-//! | warning | several senders, stamps ahead, clocks that drift apart, lost messages, outliers, frozen and saturated signals, nothing measured, commands beyond the stroke, and everything in [`Warning`](super::Warning) |
-//! | note | drift that all streams share, recordings that were played, signals that are absent or constant, small overshoot of a command, files without checksum or count |
+//! | disqualified | signals that cannot be of one machine and its time (`chain.rs`), streams of clocks more than a second apart, values out of every physical range, a tank pressure of zero, stamps that are no time or far from their neighbours, a required servo state without one number |
+//! | warning | several senders, stamps of another clock, held values, stamps ahead, clocks that drift apart, lost messages, outliers, frozen and saturated signals, nothing measured, commands beyond the stroke, and everything in [`Warning`](super::Warning) |
+//! | note | messages of another definition of their type, drift that all streams share, recordings that were played, signals that are absent or constant, small overshoot of a command, files without checksum or count |
 
+use std::path::Path;
+
+use super::chain::{ChainEvidence, Impossible};
+use super::channel::Channel;
 use super::evidence::{RowEvidence, Still, StreamEvidence};
 use super::findings::{self, Found};
-use super::{FileHealth, Finding, Kind, Severity, Stream};
+use super::{BagError, FileHealth, Finding, Kind, Severity, Stream, StreamHealth};
 use govtwin_model::signal::Signal;
 
 /// A physically possible range.
@@ -83,6 +87,25 @@ const COUNTED_BACK: f64 = 0.01;
 /// Of one sender's messages few share a stamp; where this share does, with other values, two senders have one clock.
 const CONFLICTS: f64 = 0.1;
 
+/// Of one sender's values few come and go faster than any plant moves; where this share does, and so many at least, they are of two courses.
+const LONE_SHARE: f64 = 0.02;
+const LONE: u64 = 8;
+
+/// Signs in the values of a channel that they are of two senders.
+pub(crate) fn two_courses(channel: &Channel) -> Option<String> {
+    if channel.alternating > 0 {
+        return Some(format!("{} values alternate between two courses", channel.alternating));
+    }
+    jumps_away(channel)
+}
+
+/// Values that are too fast for any servo system, again and again.
+pub(crate) fn jumps_away(channel: &Channel) -> Option<String> {
+    let lone = channel.lone();
+    let many = lone >= LONE && lone as f64 > LONE_SHARE * channel.count as f64;
+    many.then(|| format!("{lone} values jump away and back, faster than any servo system moves"))
+}
+
 /// Streams that are shifted against each other by this much, s, are not of one instant: a servomotor at full speed moves 1 % of its
 /// stroke in 20 ms. Clocks of quartz differ by up to 1 part in 10,000, so that a minute does not show it and an hour does.
 const DRIFT_S: f64 = 0.01;
@@ -111,6 +134,11 @@ const SATURATED_VISITS: u64 = 3;
 /// A stop is this near to the end of a stroke, pu: a position that is cut off there may be one that the plant itself ends.
 const STOP_PU: f64 = 0.005;
 
+/// Least delays that differ by more are of two clocks, s: on its way to the recorder a message that nothing holds up takes milliseconds.
+const CLOCKS_S: f64 = 0.1;
+/// And by more than this no row can be right.
+const OTHER_CLOCK_S: f64 = 1.0;
+
 /// Governors press the servomotor into its stops by some per cent of the stroke.
 const PRESSED_PU: f64 = 0.05;
 /// Rounding is no overshoot, pu.
@@ -118,6 +146,33 @@ const ROUNDED_PU: f64 = 0.001;
 
 /// Fewer numbers than this are no evidence of their kind.
 const FEW: u64 = 20;
+
+/// Streams whose stamps lie behind those of the earliest clock: topic, that of the other, and by how much, s.
+fn apart<'a>(streams: impl Iterator<Item = (&'a str, &'a StreamEvidence)>) -> Vec<(&'a str, &'a str, f64)> {
+    let many = streams.filter(|(_, evidence)| evidence.samples >= FEW);
+    let delays: Vec<(&str, f64)> =
+        many.filter_map(|(topic, evidence)| Some((topic, evidence.clock.least_delay_s()?))).collect();
+    let Some(least) = delays.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { return vec![] };
+    let later = delays.iter().map(|(topic, delay_s)| (*topic, least.0, delay_s - least.1));
+    later.filter(|(_, _, by_s)| *by_s > CLOCKS_S).collect()
+}
+
+/// Refuses a bag whose streams are stamped by clocks that have nothing to do with each other.
+///
+/// # Errors
+/// Where stamps of streams that were recorded together differ by more than a second.
+pub(super) fn check_clocks(
+    path: &Path,
+    healths: &[StreamHealth],
+    evidence: &[StreamEvidence; 4],
+) -> Result<(), BagError> {
+    let streams = healths.iter().zip(evidence).map(|(health, evidence)| (&*health.topic, evidence));
+    let far = apart(streams).into_iter().find(|(_, _, by_s)| *by_s > OTHER_CLOCK_S);
+    far.map_or(Ok(()), |(topic, other, by_s)| {
+        let problem = format!("{topic}: {}", findings::other_clock(other, by_s));
+        Err(BagError::Clocks { path: path.to_owned(), problem })
+    })
+}
 
 /// The findings on the streams, in the order of [`Stream::ALL`]: by topic, evidence, and how many samples conflicted.
 pub(super) fn of_streams(streams: &mut [(&str, &mut StreamEvidence, u64)]) -> Vec<Finding> {
@@ -132,6 +187,9 @@ pub(super) fn of_streams(streams: &mut [(&str, &mut StreamEvidence, u64)]) -> Ve
         if let Some(outliers) = evidence.channel.outliers(OUTLIER_MEDIANS).filter(|_| count >= FEW) {
             found.warn(Kind::Outliers, findings::outliers(outliers, count));
         }
+    }
+    for (topic, other, by_s) in apart(streams.iter().map(|(topic, evidence, _)| (*topic, &**evidence))) {
+        Found::new(topic, &mut found).warn(Kind::OtherClock, findings::other_clock(other, by_s));
     }
     drift(streams, &mut found);
     for (stream, (topic, evidence, _)) in Stream::ALL.into_iter().zip(streams) {
@@ -160,8 +218,8 @@ fn senders(found: &mut Found<'_>, evidence: &StreamEvidence, conflicts: u64) {
     let two_frames = evidence.frames.len() > 1 && evidence.switches >= SWITCHES;
     let goes_back = evidence.counted_back as f64 > COUNTED_BACK * messages as f64 && evidence.counted_back >= SWITCHES;
     let two_values = conflicts as f64 > CONFLICTS * messages as f64;
-    let alternates = evidence.channel.alternating;
-    if two_frames || goes_back || two_values || alternates > 0 {
+    let courses = two_courses(&evidence.channel);
+    if two_frames || goes_back || two_values || courses.is_some() {
         let mut signs = vec![];
         if two_frames {
             signs.push(findings::frames(&evidence.frames, evidence.switches));
@@ -172,9 +230,7 @@ fn senders(found: &mut Found<'_>, evidence: &StreamEvidence, conflicts: u64) {
         if two_values {
             signs.push(format!("{conflicts} stamps have two values"));
         }
-        if alternates > 0 {
-            signs.push(format!("{alternates} values alternate between two courses"));
-        }
+        signs.extend(courses);
         found.warn(Kind::SeveralSenders, findings::senders(&signs));
     } else if evidence.offered > 1 {
         found.note(Kind::SeveralSenders, findings::offered(evidence.offered));
@@ -216,6 +272,16 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
     if rows.signals.iter().all(|signal| signal.channel.count == 0) {
         return found;
     }
+    for impossible in rows.chain.iter().flat_map(ChainEvidence::found) {
+        let severity = match impossible {
+            // A slow logger may be all that there is.
+            Impossible::TooSlow { .. } | Impossible::TooShort { .. } | Impossible::Held { .. } => Severity::Warning,
+            // A diagnosis finds the offset of the clocks.
+            Impossible::Leads { .. } => Severity::Warning,
+            _ => Severity::Disqualified,
+        };
+        Found::new(topic, &mut found).add(severity, Kind::Impossible, impossible.words());
+    }
     for signal in &mut rows.signals {
         let mut found = Found::new(topic, &mut found).of(signal.signal);
         let unit = signal.signal.unit();
@@ -230,9 +296,8 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
         if let Some(outliers) = signal.channel.outliers(OUTLIER_MEDIANS) {
             found.warn(Kind::Outliers, findings::outliers(outliers, count));
         }
-        if signal.channel.alternating > 0 {
-            let signs = [format!("{} values alternate between two courses", signal.channel.alternating)];
-            found.warn(Kind::SeveralSenders, findings::senders(&signs));
+        if let Some(sign) = two_courses(&signal.channel) {
+            found.warn(Kind::SeveralSenders, findings::senders(&[sign]));
         }
         let at_stop = |value: f64| unit == "pu" && [0.0, 1.0].iter().any(|stop| (value - stop).abs() < STOP_PU);
         let frozen = signal.frozen.filter(|frozen| {

@@ -1,5 +1,6 @@
 //! From a bag to a recording: find the streams, decode, order, align.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -36,17 +37,19 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
         collected.take(message);
     })?;
     check(path, &collected, options, &scanned)?;
-    let jump = collected.settle();
+    let jump = collected.settle(options.topics.by_log);
+    let translated = std::mem::take(&mut collected.translated);
     let (mut streams, healths, evidence) = collected.finish();
     let edges = Edges::of(&streams);
+    qualification::check_clocks(path, &healths, &evidence)?;
     fill(&mut streams);
     let frames = align::align(&streams, options.interpolation, path)?;
     drop(streams);
-    let mut rows = RowEvidence::new();
+    let mut rows = RowEvidence::new(options.positions);
     for frame in &frames {
         rows.row(frame);
     }
-    let read = Read { healths, evidence, rows, edges, jump, count: frames.len() };
+    let read = Read { healths, evidence, rows, edges, jump, count: frames.len(), translated };
     let health = read.judge(path, &source, &scanned, options)?;
     Ok(Loaded { recording: Recording::new(source.name, frames), health })
 }
@@ -60,6 +63,8 @@ pub(super) struct Read {
     pub(super) jump: Option<Warning>,
     /// Rows.
     pub(super) count: usize,
+    /// Messages that were read by another definition of their type, by topic: in what it differs, and how many.
+    pub(super) translated: BTreeMap<String, (String, u64)>,
 }
 
 impl Read {
@@ -71,6 +76,7 @@ impl Read {
         scanned: &Scanned,
         options: &ReadOptions,
     ) -> Result<Health, BagError> {
+        qualification::check_clocks(path, &self.healths, &self.evidence)?;
         if self.count == 0 {
             return Err(BagError::NoRows { path: path.to_owned(), present: present(&scanned.topics) });
         }
@@ -98,6 +104,9 @@ impl Read {
             simulated.zip(measured).map(|(simulated, measured)| findings::only_simulated(&measured.topic, simulated));
         health.notes.extend(only_simulated);
         qualify(&mut health, &mut self.evidence, &mut self.rows);
+        health.notes.extend(
+            self.translated.iter().map(|(topic, (difference, count))| findings::translated(topic, difference, *count)),
+        );
         let nothing = health.warnings.iter().find(|warning| is_nothing_measured(warning));
         if let Some(nothing) = nothing.filter(|_| options.required.contains(&Stream::ServoState)) {
             let topic = options.topics.of(Stream::ServoState).to_owned();

@@ -94,7 +94,7 @@ impl<'a> Fields<'a> {
         Some(taken)
     }
 
-    fn text(&mut self) -> Option<&'a str> {
+    pub(super) fn text(&mut self) -> Option<&'a str> {
         std::str::from_utf8(self.sized()?).ok()
     }
 

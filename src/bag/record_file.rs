@@ -122,6 +122,20 @@ impl RecordFile {
         Ok(if whole { Step::Record(opcode) } else { Step::Cut { opcode, stated_len } })
     }
 
+    /// Reads the body of a record that was passed over, whose head stands at a place, and goes behind it; false where it is larger than any that
+    /// is believed.
+    pub(super) fn passed(&mut self, at: u64, body: &mut Vec<u8>) -> io::Result<bool> {
+        let end = self.at;
+        let len = end.saturating_sub(at + HEAD_LEN as u64);
+        if len > RECORD_LIMIT as u64 {
+            return Ok(false);
+        }
+        body.clear();
+        self.seek(at + HEAD_LEN as u64)?;
+        self.read(len, body)?;
+        Ok(true)
+    }
+
     /// Reads what there is of a record behind its head, up to the limit, and goes behind it.
     pub(super) fn rest(&mut self, body: &mut Vec<u8>) -> io::Result<()> {
         body.clear();

@@ -3,7 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::extras::{self, Extra};
 use super::{BagError, FileHealth, GOVTWIN, Warning, Writer, WriterOptions, messages, unfinished};
+
+/// The metadata record that rosbag2 and this program write into each bag.
+const ROSBAG2: &str = "rosbag2";
 
 /// What was saved.
 #[derive(Debug)]
@@ -16,6 +20,12 @@ pub struct Recovered {
     pub warnings: Vec<Warning>,
     /// The new bag.
     pub bag: PathBuf,
+    /// Names of the attachments that were saved.
+    pub attachments: Vec<String>,
+    /// Names of the records about the bag that were saved.
+    pub metadata: Vec<String>,
+    /// What stands beside the messages and could not be saved, in words.
+    pub lost: Vec<String>,
 }
 
 impl Recovered {
@@ -42,7 +52,7 @@ pub fn intended_place(path: &Path) -> Option<PathBuf> {
 }
 
 /// Writes every message of the bag at `source` that can be read into a new bag `dir`, in the order of recording, unchanged,
-/// with topics, schemas, type hashes, qualities of service and what the bag says of itself. The damaged bag is not touched.
+/// with topics, schemas, type hashes, qualities of service, attachments and what the bag says of itself. The damaged bag is not touched.
 ///
 /// # Errors
 /// Where there is no bag at `source`, `dir` exists, or the operating system refuses.
@@ -58,10 +68,35 @@ pub fn recover(source: &Path, dir: &Path) -> Result<Recovered, BagError> {
     let mut about: BTreeMap<String, String> = files.iter().flat_map(|file| file.about.clone()).collect();
     about.insert("recovered_from".to_owned(), source.display().to_string());
     writer.describe(GOVTWIN, about)?;
+    let (mut attachments, mut metadata, mut lost) = (vec![], vec![], vec![]);
+    for path in found.readable() {
+        let mut failed = None;
+        let mut save = |extra| -> std::io::Result<()> {
+            let saved = match extra {
+                Extra::Attachment(file) => writer.attach(&file).map(|()| attachments.push(file.name)),
+                // What the program and rosbag2 say of a bag is said anew.
+                Extra::Metadata(name, _) if [GOVTWIN, ROSBAG2].contains(&name.as_str()) => Ok(()),
+                Extra::Metadata(name, values) => writer.describe(&name, values).map(|()| metadata.push(name)),
+                Extra::Lost(words) => {
+                    lost.push(words);
+                    Ok(())
+                }
+            };
+            saved.map_err(|error| {
+                failed = Some(error);
+                std::io::ErrorKind::Other.into()
+            })
+        };
+        let read = extras::read(&path, &mut save);
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        read.map_err(BagError::io(&path, "read"))?;
+    }
     for message in found {
         let message = message?;
         writer.copy(&message)?;
         *counts.entry(message.topic.name.clone()).or_default() += 1;
     }
-    Ok(Recovered { messages: counts, files, warnings, bag: writer.finish()? })
+    Ok(Recovered { messages: counts, files, warnings, bag: writer.finish()?, attachments, metadata, lost })
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use super::channels::Channels;
@@ -52,12 +52,12 @@ pub(super) struct BagFile {
 }
 
 impl BagFile {
-    fn open(path: PathBuf) -> Result<Self, BagError> {
-        let (storage, unpacked) = match storage_of(&path) {
+    fn open(path: PathBuf, quoted: bool) -> Result<Self, BagError> {
+        let (storage, unpacked) = match storage_of(&path, quoted) {
             Ok(storage) => (storage, None),
             Err(Unknown::Packed) => {
                 let (unpacked, damage) = unpack::file(&path)?;
-                let storage = storage_of(unpacked.path()).map_err(|unknown| unknown.inside(&path))?;
+                let storage = storage_of(unpacked.path(), quoted).map_err(|unknown| unknown.inside(&path))?;
                 (storage, Some((unpacked, damage)))
             }
             Err(unknown) => return Err(unknown.at(&path)),
@@ -121,7 +121,7 @@ pub(super) fn open_as_it_is(path: &Path) -> Result<BagSource, BagError> {
         check_regular(path).map_err(BagError::io(path, "read"))?;
         files.push(path.to_owned());
     }
-    source.files = files.into_iter().map(BagFile::open).collect::<Result<_, _>>()?;
+    source.files = files.into_iter().map(|file| BagFile::open(file, !kind.is_dir())).collect::<Result<_, _>>()?;
     Ok(source)
 }
 
@@ -139,9 +139,19 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
                     let format = shown(&metadata.compression_format);
                     return Err(BagError::Compressed { path: path.to_owned(), format });
                 }
+                let mut known = BTreeSet::new();
                 for relative in &metadata.relative_file_paths {
+                    if !is_inside(relative) {
+                        let problem = format!(
+                            "names `{}`, which lies outside of the bag's folder; it is not read",
+                            shown(relative)
+                        );
+                        source.warnings.push(Warning::Metadata { problem });
+                        continue;
+                    }
                     match named(path, relative) {
-                        Some(file) => files.push(file),
+                        // A file that is named again is read once.
+                        Some(file) => files.extend(Some(file).filter(|file| known.insert(file.clone()))),
                         // A name from the file, within the words of a warning.
                         None => source.warnings.push(Warning::FileMissing { path: path.join(shown(relative)) }),
                     }
@@ -164,6 +174,12 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
         });
     }
     Ok(())
+}
+
+/// Whether a name leads to a file in the bag's folder, or below it.
+fn is_inside(relative: &str) -> bool {
+    let within = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+    Path::new(relative).components().all(within)
 }
 
 /// A file that `metadata.yaml` names. rosbag2 also wrote names with the bag's own folder before them, and a user may have unpacked a
@@ -265,8 +281,9 @@ impl Unknown {
     }
 }
 
-/// Tells the storage of a file by its first bytes; its name plays no part.
-fn storage_of(path: &Path) -> Result<Storage, Unknown> {
+/// Tells the storage of a file by its first bytes; its name plays no part. What stands in it is quoted only where a user named the file: a name in
+/// `metadata.yaml`, or a link, may lead to a file of others.
+fn storage_of(path: &Path, quoted: bool) -> Result<Storage, Unknown> {
     let file = fs::File::open(path).map_err(|error| Unknown::Io("open", error))?;
     let mut head = vec![];
     file.take(512).read_to_end(&mut head).map_err(|error| Unknown::Io("read", error))?;
@@ -283,9 +300,15 @@ fn storage_of(path: &Path) -> Result<Storage, Unknown> {
     } else if head.starts_with(b"#ROSBAG V") {
         Unknown::Other("a ROS 1 bag; convert it first: `rosbags-convert --src FILE --dst OUT`".to_owned())
     } else if let Ok(text) = std::str::from_utf8(&head[..head.len().min(64)]) {
-        Unknown::Other(format!("text that begins with {:?}", text.lines().next().unwrap_or_default()))
+        let first = text.lines().next().unwrap_or_default();
+        Unknown::Other(if quoted { format!("text that begins with {first:?}") } else { "text".to_owned() })
     } else {
-        Unknown::Other(format!("a file that begins with the bytes {:02x?}", &head[..head.len().min(8)]))
+        let bytes = &head[..head.len().min(8)];
+        Unknown::Other(if quoted {
+            format!("a file that begins with the bytes {bytes:02x?}")
+        } else {
+            "other first bytes".to_owned()
+        })
     })
 }
 
@@ -293,7 +316,7 @@ fn storage_of(path: &Path) -> Result<Storage, Unknown> {
 #[derive(Debug)]
 pub(super) struct Scanned {
     pub(super) files: Vec<FileHealth>,
-    /// Topics by name; two entries of one name where the bag gives it two types.
+    /// Topics by name; several entries of one name where the bag gives it several types, or definitions of a type.
     pub(super) topics: Vec<Arc<TopicInfo>>,
     /// For each file, what it takes to load its messages again.
     pub(super) parts: Vec<(Channels, Vec<Segment>)>,
@@ -341,7 +364,7 @@ impl BagSource {
         for file in &self.files {
             let ScannedFile { health, channels, segments } = file.scan(on_message)?;
             for (_, topic) in channels.topics() {
-                if known.insert((topic.name.clone(), topic.type_name.clone())) {
+                if known.insert(topic.definition()) {
                     scanned.topics.push(Arc::clone(topic));
                 }
             }

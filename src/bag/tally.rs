@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::distribution::Distribution;
 use super::layout::Layout;
 use super::pace::Pace;
-use super::topic::{RawView, TopicInfo};
+use super::topic::{MessageDefinition, RawView, TopicInfo};
 use super::topic_survey::{FieldSurvey, Spread, TopicSurvey};
 use govtwin_model::units::seconds_from_nanos;
 
@@ -17,8 +17,8 @@ const MOST_FIELDS: usize = 100_000;
 #[derive(Default)]
 pub(super) struct Tallies {
     all: Vec<Tally>,
-    /// By name and type.
-    by_name: BTreeMap<(String, String), usize>,
+    /// By name, type and definition.
+    by_name: BTreeMap<MessageDefinition, usize>,
     /// By the address of what messages of one announcement share, which is kept so that nothing else gets that address.
     by_address: BTreeMap<usize, (Arc<TopicInfo>, usize)>,
     /// By the address of the schema, which the first topic with it keeps, and the type.
@@ -49,7 +49,7 @@ impl Tallies {
 
     /// The number of a topic, which is new where it has not been met.
     pub(super) fn of(&mut self, topic: &Arc<TopicInfo>) -> usize {
-        let name = (topic.name.clone(), topic.type_name.clone());
+        let name = topic.definition();
         let index = if let Some(index) = self.by_name.get(&name) {
             *index
         } else {

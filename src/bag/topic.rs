@@ -42,6 +42,13 @@ impl TopicInfo {
         })
     }
 
+    /// What tells its messages from others of the same name: their type and its definition.
+    pub(super) fn definition(&self) -> MessageDefinition {
+        let Self { name, type_name, encoding, schema_encoding, schema, .. } = self;
+        let texts = [name, type_name, encoding, schema_encoding].map(String::clone);
+        MessageDefinition { texts, schema: Arc::clone(schema) }
+    }
+
     /// What rosbag2 keeps beside a channel.
     pub(super) fn channel_metadata(&self) -> BTreeMap<String, String> {
         BTreeMap::from([
@@ -49,6 +56,14 @@ impl TopicInfo {
             ("topic_type_hash".to_owned(), self.type_hash.clone()),
         ])
     }
+}
+
+/// What tells the messages of a topic from others of the same name.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct MessageDefinition {
+    /// Name of the topic, type, encoding and language of the schema.
+    texts: [String; 4],
+    schema: Arc<[u8]>,
 }
 
 /// One message of a bag.

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use mcap::records::{MessageHeader, Metadata};
 
+use super::extras::AttachedFile;
 use super::metadata::{self, Summary, TopicSummary};
 use super::reserve::Reserved;
 use super::topic::{Qos, RawMessage, TopicInfo};
@@ -210,6 +211,22 @@ impl Writer {
     pub fn describe(&mut self, name: &str, values: BTreeMap<String, String>) -> Result<(), BagError> {
         let record = Metadata { name: name.into(), metadata: values };
         self.file.write_metadata(&record).map_err(BagError::mcap(&self.file_path))
+    }
+
+    /// Adds a file that another bag holds beside its messages.
+    ///
+    /// # Errors
+    /// Where the operating system refuses.
+    pub(super) fn attach(&mut self, file: &AttachedFile) -> Result<(), BagError> {
+        let AttachedFile { log_time_ns, create_time_ns, name, media_type, data } = file;
+        let attachment = mcap::Attachment {
+            log_time: *log_time_ns,
+            create_time: *create_time_ns,
+            name: name.clone(),
+            media_type: media_type.clone(),
+            data: data.as_slice().into(),
+        };
+        self.file.attach(&attachment).map_err(BagError::mcap(&self.file_path))
     }
 
     /// Closes the open chunk and hands everything to the operating system.

@@ -68,7 +68,7 @@ fn a_type_that_is_not_the_streams() {
 fn a_type_of_the_right_name_with_other_fields() {
     let mut bytes = Bag::standard(1).bytes(WriteOptions::new().compression(None).calculate_chunk_crcs(false));
     // The definition calls the field otherwise, and says so in the same number of letters.
-    let (old, new) = (b"float64 opening", b"float32 opening");
+    let (old, new) = (b"float64 opening", b"float64 openinq");
     let places: Vec<usize> = (0..bytes.len() - old.len()).filter(|at| bytes[*at..].starts_with(old)).collect();
     for at in places {
         bytes[at..at + new.len()].copy_from_slice(new);
@@ -76,7 +76,7 @@ fn a_type_of_the_right_name_with_other_fields() {
     let (_folder, path) = in_file(&bytes);
     let (_, text) = error_of(&path);
     assert!(
-        text.contains("another version of it") && text.contains("`float32 opening`, expected `float64 opening`"),
+        text.contains("another version of it") && text.contains("`float64 openinq`, expected `float64 opening`"),
         "{text}"
     );
 }

@@ -241,7 +241,7 @@ fn shifted(seconds: i64, by_ns: i64) -> Bag {
 }
 
 #[test]
-fn streams_of_clocks_that_differ_are_read_as_they_are() {
+fn streams_of_clocks_that_differ_are_refused() {
     let mut bag = Bag::standard(2);
     // The plant's clock is 40 s behind: no stream runs backwards by itself.
     bag.entries.retain(|entry| entry.topic != "/plant/servo_state");
@@ -251,11 +251,9 @@ fn streams_of_clocks_that_differ_are_read_as_they_are() {
             entry.log_ns += 40_000 * MS;
         }
     }
-    let loaded = read(&bag);
-    assert_eq!(stream(&loaded.health, SERVO).kept, 200);
-    // Not one measured row has inputs, which must not go without a word.
-    let late = |warning: &Warning| matches!(warning, Warning::BeginsLate { rows: 200, .. });
-    assert!(loaded.health.warnings.len() == 3 && loaded.health.warnings.iter().all(late), "{}", said(&loaded.health));
+    let (_folder, path) = bag.file(WriteOptions::new());
+    let error = read_both_ways(&path, &ReadOptions::default()).unwrap_err();
+    assert!(matches!(error, BagError::Clocks { .. }), "{error}");
 }
 
 #[test]
@@ -267,8 +265,7 @@ fn streams_of_clocks_that_differ_by_years_are_refused() {
     (0..200).for_each(|step| bag.servo(BEGIN_NS + step * 10 * MS, 0.0, 0.3));
     let (_folder, path) = bag.file(WriteOptions::new());
     let error = read_both_ways(&path, &ReadOptions::default()).unwrap_err();
-    assert!(matches!(error, BagError::TwoClocks { .. }), "{error}");
-    assert!(error.to_string().contains("1001990000000 ns to 1700000000000000000 ns"), "{error}");
+    assert!(matches!(error, BagError::Clocks { .. }), "{error}");
 }
 
 #[test]

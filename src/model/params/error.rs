@@ -73,9 +73,14 @@ impl ParamsError {
 pub fn list(what: &str, path: &std::path::Path, problems: &[FileProblem]) -> String {
     let noun = if problems.len() == 1 { "problem" } else { "problems" };
     let path = path.display();
-    let lines = problems.iter().map(|problem| match problem.line {
+    let lines = problems.iter().take(MOST_LISTED).map(|problem| match problem.line {
         Some(line) => format!("\n  {path}:{line}: {problem}"),
         None => format!("\n  {path}: {problem}"),
     });
-    format!("{} {noun} in the {what} {path}{}", problems.len(), lines.collect::<String>())
+    let more = problems.len().saturating_sub(MOST_LISTED);
+    let more = if more > 0 { format!("\n  and {more} more") } else { String::new() };
+    format!("{} {noun} in the {what} {path}{}{more}", problems.len(), lines.collect::<String>())
 }
+
+/// More problems of one file are counted only.
+const MOST_LISTED: usize = 100;

@@ -1,5 +1,7 @@
 //! The only file that knows the YAML library: text in, a plain tree with line numbers out.
 
+use std::collections::BTreeMap;
+
 use serde_yaml::Value;
 
 use govtwin_files::check_yaml;
@@ -62,7 +64,7 @@ fn shorten(text: &str) -> String {
 pub struct Document {
     /// Top level of the file.
     pub root: Node,
-    lines: Vec<(Vec<String>, usize)>,
+    lines: BTreeMap<Vec<String>, usize>,
 }
 
 impl Document {
@@ -79,13 +81,8 @@ impl Document {
     /// Line of a key given by its path, counted from 1; of the nearest parent where the key shares a line.
     #[must_use]
     pub fn line(&self, path: &[&str]) -> Option<usize> {
-        (1..=path.len()).rev().find_map(|length| {
-            {
-                let wanted = path.get(..length)?;
-                self.lines.iter().find(|(known, _)| known.iter().map(String::as_str).eq(wanted.iter().copied()))
-            }
-            .map(|(_, line)| *line)
-        })
+        let path: Vec<String> = path.iter().map(|key| (*key).to_owned()).collect();
+        (1..=path.len()).rev().find_map(|length| self.lines.get(path.get(..length)?).copied())
     }
 }
 
@@ -140,9 +137,9 @@ fn key_text(key: &Value) -> String {
 ///
 /// The YAML library keeps no positions of values, so indentation is followed here. Keys inside braces
 /// have no line of their own; [`Document::line`] then answers with the line of their parent.
-fn locate(text: &str) -> Vec<(Vec<String>, usize)> {
+fn locate(text: &str) -> BTreeMap<Vec<String>, usize> {
     let mut open: Vec<(usize, String)> = Vec::new();
-    let mut found = Vec::new();
+    let mut found = BTreeMap::new();
     for (index, line) in text.lines().enumerate() {
         let content = line.trim_start();
         let Some((key, _)) = content.split_once(':') else { continue };
@@ -154,7 +151,8 @@ fn locate(text: &str) -> Vec<(Vec<String>, usize)> {
             open.pop();
         }
         open.push((indent, key.trim().trim_matches(['"', '\'']).to_owned()));
-        found.push((open.iter().map(|(_, key)| key.clone()).collect(), index + 1));
+        // Of a key that stands twice the first line counts.
+        found.entry(open.iter().map(|(_, key)| key.clone()).collect()).or_insert(index + 1);
     }
     found
 }

@@ -1,0 +1,522 @@
+//! Whether command, ESV, spool and servomotor of a recording can be of one servo system and of one time: row by row, in memory that does not grow.
+//!
+//! A servomotor follows its command with a delay and comes to rest where the command is. Its spool drives it: its speed has the spool's sign. A tripped
+//! ESV closes it, and nothing opens it. No servomotor runs its stroke in half a second. A recording in which one of this is otherwise is not one
+//! of a machine, whatever its faults: a channel is wired to another, is stuck or held, is scaled or turned, is of another machine, or the time is
+//! not that of the plant. The limits lie far outside of what faults of servo systems do.
+
+use govtwin_model::frame::{EsvState, Frame};
+use govtwin_model::signal::Signal;
+use govtwin_model::units::seconds_from_nanos;
+
+/// Speeds are taken over so much time, s: noise of two samples is small then.
+const SPEED_OVER_S: f64 = 0.1;
+/// Over a longer pause nothing is told.
+const LONGEST_STEP_S: f64 = 1.0;
+/// A command that is so far from the position moves it, pu.
+const ASKS_PU: f64 = 0.006;
+/// Travel that goes away from the command must be so long, pu, and such a share of that towards it; of a sound system there is none.
+const AWAY_PU: f64 = 0.05;
+const AWAY_RATIO: f64 = 0.6;
+/// A command that moves faster is followed with a delay that shows, pu/s.
+const MOVES_PU_S: f64 = 0.02;
+/// A position nearer than this to a moving command is the command, pu.
+const COPY_PU: f64 = 5e-4;
+/// The share of samples, and the least number of them, that make a copy.
+const COPY_SHARE: f64 = 0.95;
+const COPY_SAMPLES: u64 = 20;
+/// A position within this band stands still, pu.
+const STILL_PU: [f64; 2] = [0.004, 0.01];
+/// At rest so far from its command, pu, for so long, s.
+const REST_PU: f64 = 0.04;
+const REST_S: f64 = 6.0;
+/// Nearer than this to the end of its stroke the servomotor may be stopped or cushioned, pu.
+const END_PU: f64 = 0.15;
+/// With one position of the spool, once the servomotor has settled, s, it does not run faster than the one and stand slower than the other, pu/s;
+/// that a cushion or a load brakes it is no contradiction.
+const RUNS_PU_S: f64 = 0.05;
+const STANDS_PU_S: f64 = 0.01;
+const SETTLES_S: f64 = 1.0;
+/// A tripped servomotor does not open by so much, pu, once so long has passed, s, and is not that far open after so long, s.
+const OPENS_PU: f64 = 0.03;
+const TRIPPED_S: f64 = 1.0;
+const STANDS_PU: f64 = 0.1;
+const STANDS_S: f64 = 20.0;
+/// Three samples in one direction faster than this, pu/s, over so much of the stroke, pu, are none of a servomotor.
+const FASTEST_PU_S: f64 = 2.0;
+const FAST_PU: f64 = 0.05;
+/// A value that is held for so long, s, in so many samples, and then jumps by more, pu; as a share of all travel, and so many times.
+const HELD_S: f64 = 0.2;
+const HELD_SAMPLES: u64 = 4;
+const HELD_PU: f64 = 0.003;
+const HELD_SHARE: f64 = 0.7;
+const HELD_JUMPS: u64 = 6;
+/// Pairs of speed and spool that tell a relation, and the least correlation of the two; signals that move less tell none, pu.
+const PAIRS: f64 = 50.0;
+const UNRELATED: f64 = 0.25;
+const TURNED: f64 = -0.4;
+const MOVED_PU: f64 = 0.05;
+/// A recording of so many samples in which the servomotor moves lasts longer, s.
+const SHORTEST_S: f64 = 1.0;
+const SHORT_SAMPLES: u64 = 200;
+/// Samples that are further apart, s, show nothing of a process of seconds.
+const APART_S: f64 = 5.0;
+
+/// Where and when something impossible was seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Seen {
+    time_ns: i64,
+    position_pu: f64,
+    command_pu: f64,
+    duration_s: f64,
+}
+
+/// What cannot be of one machine, with figures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Impossible {
+    /// Position and command are the same: samples that are, of how many while the command moved, and how many of all to the last bit.
+    Copy { near: u64, moving: u64, equal: u64, all: u64 },
+    /// The servomotor moves away from its command, pu, and so far towards it.
+    Away { away_pu: f64, towards_pu: f64 },
+    /// The same, while spool and servomotor go together: the response comes before the command.
+    Leads { away_pu: f64, towards_pu: f64 },
+    /// It opens while tripped, pu, or stands open: position, pu, at a time, ns, so long after the trip, s.
+    OpensTripped { by_pu: f64, time_ns: i64 },
+    /// It stands open while tripped.
+    StandsTripped { position_pu: f64, time_ns: i64, duration_s: f64 },
+    /// At rest away from its command.
+    RestsElsewhere { position_pu: f64, command_pu: f64, time_ns: i64, duration_s: f64 },
+    /// The spool stands still while the servomotor runs and stops.
+    SpoolStill { spool_pu: f64, time_ns: i64, speeds_pu_s: [f64; 2] },
+    /// The values are held and jump: signal, jumps, share of the travel.
+    Held { signal: Signal, jumps: u64, share: f64, held_s: f64 },
+    /// Speed and spool have nothing to do with each other, or go against each other.
+    Unrelated { correlation: f64 },
+    /// The servomotor is faster than any.
+    TooFast { pu_s: f64, time_ns: i64 },
+    /// The servomotor runs through its process in no time, s.
+    TooShort { duration_s: f64 },
+    /// Samples lie too far apart to show a process.
+    TooSlow { apart_s: f64 },
+}
+
+/// Values within a band.
+#[derive(Clone, Copy, Debug)]
+struct StillRun {
+    least: f64,
+    most: f64,
+    from_ns: i64,
+    /// Since when the command is elsewhere, ns.
+    away_since_ns: Option<i64>,
+    speeds: [f64; 2],
+}
+
+/// A signal whose values may be held.
+#[derive(Clone, Copy, Debug, Default)]
+struct HeldWatch {
+    last: Option<(i64, f64)>,
+    since_ns: i64,
+    samples: u64,
+    jumps: u64,
+    jumped: f64,
+    travel: f64,
+    held_s: f64,
+}
+
+impl HeldWatch {
+    fn take(&mut self, time_ns: i64, value: f64) {
+        match self.last {
+            Some((_, last)) if last.to_bits() == value.to_bits() => self.samples += 1,
+            Some((_, last)) => {
+                let (step, held_s) = ((value - last).abs(), seconds_from_nanos(time_ns.saturating_sub(self.since_ns)));
+                if step > HELD_PU {
+                    self.travel += step;
+                    if self.samples >= HELD_SAMPLES && held_s >= HELD_S {
+                        self.jumps += 1;
+                        self.jumped += step;
+                        self.held_s += held_s;
+                    }
+                }
+                (self.since_ns, self.samples) = (time_ns, 1);
+            }
+            None => (self.since_ns, self.samples) = (time_ns, 1),
+        }
+        self.last = Some((time_ns, value));
+    }
+
+    fn found(&self, signal: Signal) -> Option<Impossible> {
+        let share = self.jumped / self.travel.max(f64::MIN_POSITIVE);
+        let held_s = self.held_s / self.jumps.max(1) as f64;
+        (self.jumps >= HELD_JUMPS && share > HELD_SHARE).then_some(Impossible::Held {
+            signal,
+            jumps: self.jumps,
+            share,
+            held_s,
+        })
+    }
+}
+
+/// Sums for the correlation of the spool with the speed of the servomotor.
+#[derive(Clone, Copy, Debug, Default)]
+struct Relation {
+    n: f64,
+    x: f64,
+    y: f64,
+    xx: f64,
+    yy: f64,
+    xy: f64,
+}
+
+impl Relation {
+    fn take(&mut self, x: f64, y: f64) {
+        self.n += 1.0;
+        let (dx, dy) = (x - self.x, y - self.y);
+        self.x += dx / self.n;
+        self.y += dy / self.n;
+        self.xx += dx * (x - self.x);
+        self.yy += dy * (y - self.y);
+        self.xy += dx * (y - self.y);
+    }
+
+    fn correlation(&self) -> f64 {
+        let scale = (self.xx * self.yy).sqrt();
+        if scale > 0.0 { self.xy / scale } else { 0.0 }
+    }
+}
+
+/// The last row at which a speed was taken, and sums of the spool since.
+#[derive(Clone, Copy, Debug)]
+struct SpeedPoint {
+    time_ns: i64,
+    position: f64,
+    error: f64,
+    normal: bool,
+    spool: f64,
+    spools: f64,
+}
+
+/// What the rows of a recording show.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ChainEvidence {
+    last: Option<(i64, f64, f64)>,
+    point: Option<SpeedPoint>,
+    speed: f64,
+    towards: f64,
+    away: f64,
+    near: u64,
+    moving: u64,
+    equal: u64,
+    all: u64,
+    command_ends: Option<[f64; 2]>,
+    servo_ends: Option<[f64; 2]>,
+    spool_ends: Option<[f64; 2]>,
+    first_ns: Option<i64>,
+    trip: Option<(i64, f64)>,
+    opens: Option<Impossible>,
+    stands: Option<Impossible>,
+    rest: Option<StillRun>,
+    rests: Option<Seen>,
+    spool_still: Option<StillRun>,
+    spool_stuck: Option<Impossible>,
+    held: [HeldWatch; 2],
+    relation: Relation,
+    fast: (u32, f64),
+    fastest: Option<Impossible>,
+}
+
+fn wider(ends: Option<[f64; 2]>, value: f64) -> Option<[f64; 2]> {
+    let [least, most] = ends.unwrap_or([value; 2]);
+    value.is_finite().then_some([least.min(value), most.max(value)]).or(ends)
+}
+
+fn span(ends: Option<[f64; 2]>) -> f64 {
+    ends.map_or(0.0, |[least, most]| most - least)
+}
+
+impl ChainEvidence {
+    /// Takes a row.
+    pub(crate) fn row(&mut self, frame: &Frame) {
+        let servo = Signal::ServomotorPosition.of(&frame.measured);
+        let spool = Signal::SpoolPosition.of(&frame.measured);
+        let (time_ns, command) = (frame.time_ns, frame.inputs.opening_command_pu);
+        let normal = frame.inputs.esv == EsvState::Normal;
+        if spool.is_finite() {
+            self.held[1].take(time_ns, spool);
+            self.spool_ends = wider(self.spool_ends, spool);
+            self.spool_row(time_ns, spool, servo);
+        }
+        if !servo.is_finite() {
+            return;
+        }
+        self.first_ns.get_or_insert(time_ns);
+        self.held[0].take(time_ns, servo);
+        self.servo_ends = wider(self.servo_ends, servo);
+        self.command_ends = wider(self.command_ends, command);
+        self.speed(frame, servo, spool);
+        self.copied(time_ns, command, servo, normal);
+        self.tripped(time_ns, servo, normal);
+        self.rested(time_ns, command, servo, normal);
+        self.last = Some((time_ns, command, servo));
+    }
+
+    fn speed(&mut self, frame: &Frame, servo: f64, spool: f64) {
+        let (time_ns, command) = (frame.time_ns, frame.inputs.opening_command_pu);
+        let normal = frame.inputs.esv == EsvState::Normal;
+        if let Some((last_ns, _, last)) = self.last {
+            let step_s = seconds_from_nanos(time_ns.saturating_sub(last_ns));
+            let step = servo - last;
+            let fast = step_s > 0.0 && step.abs() > FASTEST_PU_S * step_s && step.abs() > COPY_PU;
+            let (count, run) = self.fast;
+            self.fast = match (fast, run * step >= 0.0) {
+                (true, true) => (count + 1, run + step),
+                (true, false) => (1, step),
+                (false, _) => (0, 0.0),
+            };
+            if self.fast.0 >= 3 && self.fast.1.abs() > FAST_PU {
+                self.fastest.get_or_insert(Impossible::TooFast { pu_s: step.abs() / step_s, time_ns });
+            }
+        }
+        let point = SpeedPoint { time_ns, position: servo, error: command - servo, normal, spool: 0.0, spools: 0.0 };
+        let Some(from) = &mut self.point else {
+            self.point = Some(point);
+            return;
+        };
+        if spool.is_finite() {
+            (from.spool, from.spools) = (from.spool + spool, from.spools + 1.0);
+        }
+        let step_s = seconds_from_nanos(time_ns.saturating_sub(from.time_ns));
+        if step_s < SPEED_OVER_S {
+            return;
+        }
+        let (from, step) = (*from, servo - from.position);
+        self.point = Some(point);
+        if step_s > LONGEST_STEP_S {
+            return;
+        }
+        self.speed = step / step_s;
+        if from.normal && normal && from.error.abs() > ASKS_PU && from.error.is_finite() {
+            let towards = step * from.error > 0.0;
+            *(if towards { &mut self.towards } else { &mut self.away }) += step.abs();
+        }
+        let inside = (0.02..=0.98).contains(&servo);
+        if from.spools > 0.0 && inside {
+            self.relation.take(from.spool / from.spools, self.speed);
+        }
+    }
+
+    fn copied(&mut self, time_ns: i64, command: f64, servo: f64, normal: bool) {
+        let Some((last_ns, last, _)) = self.last else { return };
+        if !command.is_finite() || !normal {
+            return;
+        }
+        self.all += 1;
+        self.equal += u64::from(command.to_bits() == servo.to_bits());
+        let step_s = seconds_from_nanos(time_ns.saturating_sub(last_ns));
+        if step_s > 0.0 && (command - last).abs() > MOVES_PU_S * step_s {
+            self.moving += 1;
+            self.near += u64::from((command - servo).abs() < COPY_PU);
+        }
+    }
+
+    fn tripped(&mut self, time_ns: i64, servo: f64, normal: bool) {
+        if normal {
+            self.trip = None;
+            return;
+        }
+        let (since_ns, lowest) = *self.trip.get_or_insert((time_ns, f64::INFINITY));
+        let duration_s = seconds_from_nanos(time_ns.saturating_sub(since_ns));
+        if duration_s < TRIPPED_S {
+            return;
+        }
+        let lowest = lowest.min(servo);
+        self.trip = Some((since_ns, lowest));
+        let by_pu = servo - lowest;
+        if by_pu > OPENS_PU
+            && self
+                .opens
+                .is_none_or(|known| matches!(known, Impossible::OpensTripped { by_pu: most, .. } if most < by_pu))
+        {
+            self.opens = Some(Impossible::OpensTripped { by_pu, time_ns });
+        }
+        if duration_s > STANDS_S && servo > STANDS_PU {
+            self.stands = Some(Impossible::StandsTripped { position_pu: servo, time_ns, duration_s });
+        }
+    }
+
+    fn rested(&mut self, time_ns: i64, command: f64, servo: f64, normal: bool) {
+        let (least, most) = self.rest.map_or((servo, servo), |run| (run.least.min(servo), run.most.max(servo)));
+        if most - least > STILL_PU[0] || !normal || self.rest.is_none() {
+            let run = StillRun { least: servo, most: servo, from_ns: time_ns, away_since_ns: None, speeds: [0.0; 2] };
+            self.rest = normal.then_some(run);
+        }
+        let Some(run) = &mut self.rest else { return };
+        (run.least, run.most) = (run.least.min(servo), run.most.max(servo));
+        // Pressed into a stop it rests there.
+        let pressed = (servo < 0.02 && command < servo) || (servo > 0.98 && command > servo);
+        if (command - servo).abs() < REST_PU || command.is_nan() || pressed {
+            run.away_since_ns = None;
+            return;
+        }
+        let since_ns = *run.away_since_ns.get_or_insert(time_ns);
+        let duration_s = seconds_from_nanos(time_ns.saturating_sub(since_ns));
+        if duration_s > REST_S && self.rests.is_none_or(|rests| rests.duration_s < duration_s) {
+            self.rests = Some(Seen { time_ns: since_ns, position_pu: servo, command_pu: command, duration_s });
+        }
+    }
+
+    /// With one position of the spool the servomotor has one speed.
+    fn spool_row(&mut self, time_ns: i64, spool: f64, servo: f64) {
+        let (least, most) = self.spool_still.map_or((spool, spool), |run| (run.least.min(spool), run.most.max(spool)));
+        if most - least > STILL_PU[1] || self.spool_still.is_none() {
+            let speeds = [f64::INFINITY, 0.0];
+            self.spool_still =
+                Some(StillRun { least: spool, most: spool, from_ns: time_ns, away_since_ns: None, speeds });
+            return;
+        }
+        let Some(run) = &mut self.spool_still else { return };
+        (run.least, run.most) = (least, most);
+        let settled = seconds_from_nanos(time_ns.saturating_sub(run.from_ns)) > SETTLES_S;
+        if !settled || !(END_PU..=1.0 - END_PU).contains(&servo) {
+            return;
+        }
+        run.speeds = [run.speeds[0].min(self.speed.abs()), run.speeds[1].max(self.speed.abs())];
+        if run.speeds[1] > RUNS_PU_S && run.speeds[0] < STANDS_PU_S {
+            let speeds_pu_s = run.speeds;
+            self.spool_stuck.get_or_insert(Impossible::SpoolStill {
+                spool_pu: spool,
+                time_ns: run.from_ns,
+                speeds_pu_s,
+            });
+        }
+    }
+
+    /// What cannot be of one machine.
+    pub(crate) fn found(&self) -> Vec<Impossible> {
+        let mut found = vec![];
+        let moves = span(self.command_ends) > MOVED_PU;
+        let copied = self.moving >= COPY_SAMPLES && self.near as f64 > COPY_SHARE * self.moving as f64;
+        let bits = self.all >= COPY_SAMPLES && self.equal as f64 > COPY_SHARE * self.all as f64;
+        if moves && (copied || bits) {
+            let Self { near, moving, equal, all, .. } = *self;
+            found.push(Impossible::Copy { near, moving, equal, all });
+            return found;
+        }
+        found.extend(self.fastest);
+        found.extend(self.opens.or(self.stands));
+        let is_away = self.away > AWAY_PU && self.away > AWAY_RATIO * self.towards;
+        let correlation = self.relation.correlation();
+        if is_away {
+            let (away_pu, towards_pu) = (self.away, self.towards);
+            let together = self.relation.n >= PAIRS && correlation > UNRELATED;
+            found.push(if together {
+                Impossible::Leads { away_pu, towards_pu }
+            } else {
+                Impossible::Away { away_pu, towards_pu }
+            });
+        }
+        let tell = self.relation.n >= PAIRS && span(self.servo_ends) > MOVED_PU && span(self.spool_ends) > MOVED_PU;
+        if tell && (correlation < UNRELATED) {
+            found.push(Impossible::Unrelated { correlation });
+        }
+        found.extend(self.rests.map(|Seen { time_ns, position_pu, command_pu, duration_s }| {
+            Impossible::RestsElsewhere { position_pu, command_pu, time_ns, duration_s }
+        }));
+        found.extend(self.spool_stuck);
+        found.extend(self.held[0].found(Signal::ServomotorPosition));
+        found.extend(self.held[1].found(Signal::SpoolPosition));
+        let duration_s = self
+            .first_ns
+            .zip(self.last)
+            .map_or(0.0, |(first_ns, (last_ns, ..))| seconds_from_nanos(last_ns.saturating_sub(first_ns)));
+        if duration_s < SHORTEST_S
+            && self.all > SHORT_SAMPLES
+            && span(self.servo_ends) > MOVED_PU
+            && self.fastest.is_none()
+        {
+            found.push(Impossible::TooShort { duration_s });
+        }
+        let apart_s = duration_s / self.all.max(1) as f64;
+        if apart_s > APART_S && span(self.servo_ends) > 2.0 * MOVED_PU && self.all > 2 {
+            found.push(Impossible::TooSlow { apart_s });
+        }
+        found
+    }
+}
+
+impl Impossible {
+    /// In words, with the way out.
+    pub(crate) fn words(&self) -> String {
+        let percent = |pu: f64| format!("{:.1} %", pu * 100.0);
+        match *self {
+            Self::Copy { near, moving, equal, all } => format!(
+                "the servomotor position is the command: {equal} of {all} samples are the same to the last bit, and {near} of {moving} while it \
+                 moves are nearer than 0.05 %; one of the two channels is wired to the other"
+            ),
+            Self::Away { away_pu, towards_pu } => format!(
+                "the servomotor moves away from its command, by {} of the stroke in all and {} towards it: time runs backwards, the response \
+                 comes before the command, or the position is turned",
+                percent(away_pu),
+                percent(towards_pu)
+            ),
+            Self::Leads { away_pu, towards_pu } => format!(
+                "the servomotor moves before its command does, {} of the stroke in all against {} behind it: the stamps of command and measured \
+                 state are of two clocks",
+                percent(away_pu),
+                percent(towards_pu)
+            ),
+            Self::OpensTripped { by_pu, time_ns } => format!(
+                "the servomotor opens by {} while the ESV says shutdown (at {time_ns} ns): is the meaning of the ESV the wrong way round?",
+                percent(by_pu)
+            ),
+            Self::StandsTripped { position_pu, time_ns, duration_s } => format!(
+                "the servomotor stands at {} although the ESV has said shutdown for {duration_s:.0} s (at {time_ns} ns): is the meaning of the \
+                 ESV the wrong way round?",
+                percent(position_pu)
+            ),
+            Self::RestsElsewhere { position_pu, command_pu, time_ns, duration_s } => {
+                let meant = match position_pu / command_pu {
+                    ratio if (1.8..2.2).contains(&ratio) => "; the position is doubled",
+                    ratio if (0.45..0.55).contains(&ratio) => "; the position is halved",
+                    _ if (position_pu + command_pu - 1.0).abs() < 0.02 => "; the position is turned, 1 is open",
+                    _ => "",
+                };
+                format!(
+                    "the servomotor rests at {} for {duration_s:.0} s while its command says {} (from {time_ns} ns on): a channel is stuck, scaled, or \
+                     of another machine{meant}",
+                    percent(position_pu),
+                    percent(command_pu)
+                )
+            }
+            Self::SpoolStill { spool_pu, time_ns, speeds_pu_s: [least, most] } => format!(
+                "the spool stands still at {} (from {time_ns} ns on) while the servomotor's speed goes from {} to {} each second: the spool's \
+                 channel is stuck, or of another machine",
+                percent(spool_pu),
+                percent(least),
+                percent(most)
+            ),
+            Self::Held { signal, jumps, share, held_s } => format!(
+                "{} is held for {held_s:.2} s again and again and then jumps, {jumps} times, {:.0} % of its travel: its values are newer at the \
+                 source than in the recording",
+                signal.id(),
+                share * 100.0
+            ),
+            Self::Unrelated { correlation } if correlation < TURNED => format!(
+                "the servomotor moves against its spool (correlation of speed and spool {correlation:.2}): one of the two is turned, or time runs \
+                 backwards"
+            ),
+            Self::Unrelated { correlation } => format!(
+                "spool and speed of the servomotor have nothing to do with each other (correlation {correlation:.2}): they are of two machines, or one of \
+                 the channels is another"
+            ),
+            Self::TooFast { pu_s, time_ns } => format!(
+                "the servomotor runs {pu_s:.1} strokes each second (at {time_ns} ns), and none does: is time in another unit?"
+            ),
+            Self::TooShort { duration_s } => format!(
+                "the recording lasts {duration_s:.2} s, in which the servomotor moves: is time in another unit?"
+            ),
+            Self::TooSlow { apart_s } => format!(
+                "samples lie {apart_s:.0} s apart while the servomotor moves, and its processes take seconds: is time in another unit?"
+            ),
+        }
+    }
+}
