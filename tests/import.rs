@@ -9,6 +9,8 @@ mod cli;
 mod faster;
 #[path = "import/findings.rs"]
 mod findings;
+#[path = "import/kinds.rs"]
+mod kinds;
 #[cfg(feature = "cli")]
 #[path = "import/round_trip.rs"]
 mod round_trip;

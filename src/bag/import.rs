@@ -11,6 +11,7 @@ mod csv_file;
 mod dialect;
 mod error;
 pub mod findings;
+mod lines;
 mod map;
 mod messages;
 mod number;
@@ -26,6 +27,7 @@ pub mod suggest;
 mod topics;
 
 pub use error::ImportError;
+pub use lines::Between;
 pub use map::{FileMap, Map, Repeated, SignalMap, SignalPlace, TimeMap, TripRule, map_text};
 pub use messages::{FieldState, MappedField, MappedTopic, topics_of};
 pub use recurring::Recurring;

@@ -218,10 +218,12 @@ fn one_value_a_line_is_read_by_its_tags() {
                 spool_position: SPOOL, servomotor_position: SERVO}\n";
     let (found, _) = super::rows_of(&text, long).unwrap();
     assert_true("one value a line", &found, 0.0, 0, &ALL);
-    // Of such a file no map is proposed, but the way to one is said.
+    // A map is proposed as for any other table.
     let (_folder, path) = super::file("long.csv", &text);
-    let error = govtwin_bag::import::suggest::suggest(&path, &Default::default(), &mut |_| ()).unwrap_err().to_string();
-    assert!(error.contains("tag_column: \"Tag\""), "{error}");
+    let found = govtwin_bag::import::suggest::suggest(&path, &Default::default(), &mut |_| ()).unwrap();
+    let places: Vec<_> = found.map.signals.iter().filter_map(|signal| signal.place()).collect();
+    assert_eq!(found.map.file.tag_column.as_deref(), Some("Tag"));
+    assert!(["CMD", "SPOOL", "SERVO"].iter().all(|tag| places.contains(tag)), "{places:?}");
 }
 
 #[test]

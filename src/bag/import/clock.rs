@@ -8,7 +8,7 @@ use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
 use jiff::{Timestamp, tz};
 
 use super::map::TimeMap;
-use super::number::{Numbers, decimal_ns};
+use super::number::{Numbers, decimal, decimal_ns};
 use govtwin_model::params::nearest;
 
 pub(super) use detect::detect;
@@ -26,13 +26,20 @@ const MATLAB_DAYS: i64 = 719_529;
 /// A time of day that falls back by more than this has passed midnight, ns.
 const MIDNIGHT_NS: i64 = 43_200_000_000_000;
 
+/// What counters of 16 and 32 bits count before they begin anew.
+const COUNTS: [i64; 2] = [1 << 16, 1 << 32];
+/// The last and the first part of a counter's range, one of so many: what lies between them is another jump of time.
+const COUNTER_END: i64 = 16;
+
 /// How time is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// A count of so many ns from 1970 on, UTC.
+    /// A count of so many ns from a fixed moment on, UTC.
     Epoch {
         /// The unit, ns.
         unit_ns: i64,
+        /// The moment, s since 1970.
+        zero_s: i64,
     },
     /// A count of so many ns from the start of the recording on.
     Relative {
@@ -49,13 +56,24 @@ pub enum Format {
     Pattern(String),
 }
 
+/// 1 January 1601, from which Windows counts, s since 1970.
+const WINDOWS_S: i64 = -11_644_473_600;
+/// 1 January of the year 1, from which .NET counts, s since 1970.
+const DOTNET_S: i64 = -62_135_596_800;
+/// 1 January 1904, from which LabVIEW counts, s since 1970.
+const LABVIEW_S: i64 = -2_082_844_800;
+
 /// Names of formats that are no patterns.
-const NAMED: [(&str, Format); 13] = [
+const NAMED: [(&str, Format); 17] = [
     ("iso", Format::Iso),
-    ("unix_s", Format::Epoch { unit_ns: 1_000_000_000 }),
-    ("unix_ms", Format::Epoch { unit_ns: 1_000_000 }),
-    ("unix_us", Format::Epoch { unit_ns: 1000 }),
-    ("unix_ns", Format::Epoch { unit_ns: 1 }),
+    ("unix_s", Format::Epoch { unit_ns: 1_000_000_000, zero_s: 0 }),
+    ("unix_ms", Format::Epoch { unit_ns: 1_000_000, zero_s: 0 }),
+    ("unix_us", Format::Epoch { unit_ns: 1000, zero_s: 0 }),
+    ("unix_ns", Format::Epoch { unit_ns: 1, zero_s: 0 }),
+    ("filetime", Format::Epoch { unit_ns: 100, zero_s: WINDOWS_S }),
+    ("windows_us", Format::Epoch { unit_ns: 1000, zero_s: WINDOWS_S }),
+    ("dotnet_ticks", Format::Epoch { unit_ns: 100, zero_s: DOTNET_S }),
+    ("labview_s", Format::Epoch { unit_ns: 1_000_000_000, zero_s: LABVIEW_S }),
     ("seconds", Format::Relative { unit_ns: 1_000_000_000 }),
     ("milliseconds", Format::Relative { unit_ns: 1_000_000 }),
     ("microseconds", Format::Relative { unit_ns: 1000 }),
@@ -120,6 +138,11 @@ pub struct TimeReader {
     /// Days that a time without a date has passed.
     midnights: i64,
     last_of_day_ns: i64,
+    /// The newest count of a relative time, ns, and what the counter has lost by beginning anew, ns.
+    last_count_ns: i64,
+    wrapped_ns: i64,
+    /// How often a counter began anew.
+    pub wraps: u64,
     /// Times that the end of summer time makes ambiguous.
     pub folded: u64,
     /// Whether a zone was given.
@@ -144,6 +167,9 @@ impl TimeReader {
             newest_ns: None,
             midnights: 0,
             last_of_day_ns: 0,
+            last_count_ns: 0,
+            wrapped_ns: 0,
+            wraps: 0,
             folded: 0,
             has_zone: map.zone.is_some(),
             used_zone: false,
@@ -177,8 +203,16 @@ impl TimeReader {
         let wanted = |format: &Format| format!("expected a time as `{}`, found `{text}`", format.name());
         let count = |unit_ns: i128| decimal_ns(&self.numbers.plain(text), unit_ns).ok_or_else(|| wanted(&self.format));
         let time_ns = match &self.format {
-            Format::Epoch { unit_ns } => count((*unit_ns).into())?,
-            Format::Relative { unit_ns } => count((*unit_ns).into())?.saturating_add(self.start_ns),
+            Format::Epoch { unit_ns, zero_s } => {
+                let since_ns =
+                    decimal(&self.numbers.plain(text), (*unit_ns).into()).ok_or_else(|| wanted(&self.format))?;
+                let time_ns = since_ns.checked_add(i128::from(*zero_s) * SECOND_NS);
+                time_ns.and_then(|time_ns| i64::try_from(time_ns).ok()).ok_or_else(|| wanted(&self.format))?
+            }
+            Format::Relative { unit_ns } => {
+                let (unit_ns, count_ns) = (*unit_ns, count((*unit_ns).into())?);
+                self.unwrapped(count_ns, unit_ns).saturating_add(self.start_ns)
+            }
             Format::Excel => self.serial(count(DAY_NS)?, EXCEL_DAYS)?,
             Format::Matlab => {
                 let days_ns =
@@ -190,6 +224,27 @@ impl TimeReader {
         };
         self.newest_ns = self.newest_ns.max(Some(time_ns));
         Ok(time_ns)
+    }
+
+    /// A count that goes on where a counter of 16 or 32 bits begins anew.
+    fn unwrapped(&mut self, count_ns: i64, unit_ns: i64) -> i64 {
+        let last_ns = std::mem::replace(&mut self.last_count_ns, count_ns);
+        if last_ns.saturating_sub(count_ns) > unit_ns.saturating_mul(COUNTS[0] / 2) {
+            let begins_anew = |counts: &i64| {
+                let range_ns = unit_ns.saturating_mul(*counts);
+                // Without a sign it begins at 0, with one at minus half of its range.
+                [0, range_ns / 2].into_iter().any(|below_ns| {
+                    let (last_ns, count_ns) = (last_ns.saturating_add(below_ns), count_ns.saturating_add(below_ns));
+                    (range_ns - range_ns / COUNTER_END..range_ns).contains(&last_ns)
+                        && (0..range_ns / COUNTER_END).contains(&count_ns)
+                })
+            };
+            if let Some(counts) = COUNTS.iter().find(|counts| begins_anew(counts)) {
+                self.wrapped_ns = self.wrapped_ns.saturating_add(unit_ns.saturating_mul(*counts));
+                self.wraps += 1;
+            }
+        }
+        count_ns.saturating_add(self.wrapped_ns)
     }
 
     /// A count of days since some zero as ns since 1970.
@@ -335,6 +390,10 @@ mod tests {
             ("unix_s", Some("Europe/Zurich"), None, "1.71463680025e9"),
             ("unix_ms", None, None, "1714636800250"),
             ("unix_ns", None, None, "1714636800250000000"),
+            ("filetime", None, None, "133591104002500000"),
+            ("dotnet_ticks", None, None, "638502336002500000"),
+            ("windows_us", None, None, "13359110400250000"),
+            ("labview_s", None, None, "3797481600.25"),
             ("seconds", None, Some("2024-05-02T08:00:00Z"), "0.25"),
             ("milliseconds", Some("Europe/Zurich"), Some("2024-05-02T10:00:00"), "250"),
             ("excel", Some("Europe/Zurich"), None, "45414.4166695602"),
@@ -361,6 +420,23 @@ mod tests {
         assert_eq!(clock.folded, 2);
         let error = clock.read("2024-03-31 02:30:00").unwrap_err();
         assert!(error.contains("does not exist in the zone") && error.contains("+01:00"), "{error}");
+    }
+
+    #[test]
+    fn counters_that_begin_anew_go_on() {
+        for (format, texts, step_ns) in [
+            ("milliseconds", ["65530", "65535", "4"], 5_000_000),
+            ("milliseconds", ["4294967291", "4294967293", "4294967295"], 2_000_000),
+            ("milliseconds", ["4294967290", "4294967295", "4"], 5_000_000),
+            ("microseconds", ["2147483640", "2147483645", "-2147483646"], 5000),
+        ] {
+            let mut clock = clock(format, None, None);
+            let times = texts.map(|text| clock.read(text).unwrap());
+            assert_eq!([times[1] - times[0], times[2] - times[1]], [step_ns; 2], "{texts:?}");
+        }
+        let mut clock = clock("seconds", None, None);
+        let times = ["100000", "100001", "5"].map(|text| clock.read(text).unwrap() / 1_000_000_000);
+        assert_eq!((times, clock.wraps), ([100_000, 100_001, 5], 0), "a counter that was reset is none that ran over");
     }
 
     #[test]

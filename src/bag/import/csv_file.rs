@@ -100,6 +100,7 @@ impl CsvFile {
             record: ByteRecord::new(),
             blanks: blanks.then(Vec::new),
             numbers: self.dialect.numbers.clone(),
+            in_cells: self.dialect.in_cells.clone(),
             width: self.dialect.names.len(),
             first_line: self.dialect.first_line.max(1),
             bytes: self.bytes.max(1),
@@ -206,6 +207,8 @@ pub(super) struct CsvRecords {
     /// Of lines that blanks separate, where their cells stand.
     blanks: Option<Vec<(usize, usize)>>,
     numbers: Numbers,
+    /// Units behind the numbers of a column.
+    in_cells: Vec<String>,
     width: usize,
     first_line: u64,
     bytes: u64,
@@ -219,7 +222,9 @@ impl CsvRecords {
             Some(cells) => cells.get(column).and_then(|(from, to)| self.record.get(0)?.get(*from..*to)),
         };
         // What is no text is no number either, and is told as such.
-        bytes.map_or("", |bytes| std::str::from_utf8(bytes).unwrap_or("\u{fffd}"))
+        let text = bytes.map_or("", |bytes| std::str::from_utf8(bytes).unwrap_or("\u{fffd}"));
+        let unit = self.in_cells.get(column).filter(|unit| !unit.is_empty());
+        unit.and_then(|unit| text.trim_end().strip_suffix(unit.as_str())).map_or(text, str::trim_end)
     }
 
     fn cells(&self) -> usize {

@@ -29,6 +29,8 @@ pub(super) struct Dialect {
     pub(super) first_line: u64,
     /// Whether cells may be quoted.
     pub(super) quoted: bool,
+    /// Units that stand behind the numbers of a column in its cells, empty where none does.
+    pub(super) in_cells: Vec<String>,
 }
 
 /// Finds out how a table is laid out from its first lines, of which the last may be cut; what the map says counts.
@@ -96,6 +98,10 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
             *unit = bracketed(name).map_or_else(String::new, |(_, unit)| unit.to_owned());
         }
     }
+    let in_cells = units_in_cells(&cells[begin.min(cells.len())..], names.len(), &numbers);
+    for (unit, in_cells) in units.iter_mut().zip(&in_cells).filter(|(unit, _)| unit.is_empty()) {
+        unit.clone_from(in_cells);
+    }
     let line = |k: usize| k as u64 + 1;
     Ok(Dialect {
         separator,
@@ -106,7 +112,38 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
         unit_line: units_at.map(line),
         first_line: map.first_line.unwrap_or(line(begin)),
         quoted: sample.contains('"'),
+        in_cells,
     })
+}
+
+/// A number and the unit behind it, `70.8 %`.
+pub(super) fn with_unit<'a>(text: &'a str, numbers: &Numbers) -> Option<(&'a str, &'a str)> {
+    let text = text.trim();
+    let is_exponent = |at: usize| {
+        let rest = text[at + 1..].trim_start_matches(['+', '-']);
+        text[..at].ends_with(|letter: char| letter.is_ascii_digit())
+            && rest.starts_with(|letter: char| letter.is_ascii_digit())
+    };
+    let begins = |(at, letter): &(usize, char)| {
+        let exponent = matches!(letter, 'e' | 'E') && is_exponent(*at);
+        (letter.is_alphabetic() && !exponent) || "%‰°[".contains(*letter)
+    };
+    let (at, _) = text.char_indices().find(begins)?;
+    let (number, unit) = (text[..at].trim_end(), &text[at..]);
+    (is_unit(unit) && matches!(numbers.cell(number), NumberCell::Number(_))).then_some((number, unit))
+}
+
+/// The unit behind most numbers of each column.
+fn units_in_cells(rows: &[Vec<String>], width: usize, numbers: &Numbers) -> Vec<String> {
+    let of = |column: usize| {
+        let filled =
+            rows.iter().filter_map(|row| row.get(column)).filter(|cell| numbers.cell(cell) != NumberCell::Missing);
+        let units: Vec<&str> = filled.map(|cell| with_unit(cell, numbers).map_or("", |(_, unit)| unit)).collect();
+        let first = units.iter().find(|unit| !unit.is_empty())?;
+        let same = units.iter().filter(|unit| *unit == first).count();
+        (same as f64 >= CONSISTENT * units.len() as f64).then(|| (*first).to_owned())
+    };
+    (0..width).map(|column| of(column).unwrap_or_default()).collect()
 }
 
 fn no_data(cells: &[Vec<String>], separator: u8) -> String {
@@ -176,12 +213,18 @@ fn most_common(counts: impl Iterator<Item = usize>) -> Option<usize> {
     counts.chunk_by(|a, b| a == b).max_by_key(|same| (same.len(), same[0])).map(|same| same[0])
 }
 
-/// Whether a row holds data: at least half of what it holds are numbers or times.
+/// Whether a row holds data: at least half of what it holds are numbers or times, or a time is among them.
 fn is_data(row: &[String], width: usize, numbers: &Numbers) -> bool {
     let filled: Vec<&String> = row.iter().filter(|cell| numbers.cell(cell) != NumberCell::Missing).collect();
-    let values =
-        filled.iter().filter(|cell| matches!(numbers.cell(cell), NumberCell::Number(_)) || is_time(cell)).count();
-    row.len() == width && values > 0 && 2 * values >= filled.len()
+    let values = filled.iter().filter(|cell| is_number(cell, numbers) || is_time(cell)).count();
+    // Beside names and words, a time and a number are enough: a line of one value has no more.
+    let dated = values > 1 && filled.iter().any(|cell| is_time(cell));
+    row.len() == width && values > 0 && (dated || 2 * values >= filled.len())
+}
+
+/// Whether a cell is a number, with or without a unit.
+fn is_number(cell: &str, numbers: &Numbers) -> bool {
+    matches!(numbers.cell(cell), NumberCell::Number(_)) || with_unit(cell, numbers).is_some()
 }
 
 /// Whether a text looks like a date or a time of day.
@@ -200,11 +243,9 @@ fn decimal(cells: &[Vec<String>], separator: u8, width: usize) -> char {
     }
     let signed = |sign: char| {
         let has = |cell: &&String| {
-            let digits = cell.trim_start_matches(['-', '+']);
-            digits.split_once(sign).is_some_and(|(whole, part)| {
-                let part = part.split(['e', 'E']).next().unwrap_or_default();
-                !part.is_empty() && whole.bytes().chain(part.bytes()).all(|byte| byte.is_ascii_digit())
-            })
+            let plain = Numbers { decimal: sign, thousands: None, missing: vec![] };
+            let number = with_unit(cell, &plain).map_or(cell.as_str(), |(number, _)| number);
+            number.contains(sign) && matches!(plain.cell(number), NumberCell::Number(_))
         };
         cells.iter().filter(|row| row.len() == width).flatten().filter(has).count()
     };
@@ -243,6 +284,15 @@ mod tests {
         assert_eq!((three.names, three.units), (vec!["TAG1".into(), "TAG2".into()], vec!["bar".into(), "mm".into()]));
         let groups = of("Regler;;Anlage\nt;u;p [bar]\n0;1;63\n1;1;63\n");
         assert_eq!((groups.names[1].as_str(), groups.units[2].as_str()), ("u", "bar"));
+    }
+
+    #[test]
+    fn units_in_cells_are_those_of_their_columns() {
+        let found = of("Time,Gate,Oil\n0.00 s,70.8 %,6.3 MPa\n0.04 s,-1e-3 %,6.3 MPa\n");
+        assert_eq!((found.header_line, found.first_line), (1, 2));
+        assert_eq!(found.units, ["s", "%", "MPa"]);
+        let comma = of("Zeit;Y\n0,5 s;70,8 mm\n1,5 s;70,9 mm\n");
+        assert_eq!((comma.numbers.decimal, comma.in_cells), (',', vec!["s".to_owned(), "mm".to_owned()]));
     }
 
     #[test]

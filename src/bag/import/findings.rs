@@ -3,6 +3,13 @@
 mod meant;
 mod pace;
 
+use crate::chain::{ChainEvidence, Impossible};
+use crate::channel::Channel;
+use crate::evidence::{COMMAND, MEASURED, PRESSURE};
+use crate::qualification::jumps_away;
+use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::signal::Signal;
+
 use super::map::Map;
 use super::row::{ImportedRow, Target};
 use govtwin_model::units::seconds_from_nanos;
@@ -23,6 +30,8 @@ const SATURATED_SHARE: f64 = 0.02;
 const MOVES_PU: f64 = 0.03;
 /// Gaps shorter than this are no news, s.
 const GAP_S: f64 = 0.1;
+/// Positions that go beyond are in another unit, pu.
+const IN_PU: f64 = 1.6;
 /// The share of samples with the time of the one before that is worth a word.
 const REPEATED_SHARE: f64 = 0.01;
 
@@ -82,11 +91,31 @@ struct SignalWatch {
     run: Option<EqualSamples>,
     longest: Option<EqualSamples>,
     at_end: [AtEnd; 2],
+    /// Signs of a second sender; none of signals of which no limit is known.
+    course: Option<Channel>,
+}
+
+/// What the values of one sender keep to.
+fn course(target: Target) -> Option<Channel> {
+    let [servomotor, spool, pilot_valve, _] =
+        [Signal::ServomotorPosition, Signal::SpoolPosition, Signal::PilotValvePosition, Signal::ControlPressure]
+            .map(|signal| MEASURED[signal as usize]);
+    Some(Channel::new(match target {
+        Target::OpeningCommand => COMMAND,
+        Target::TankPressure => PRESSURE,
+        Target::ServomotorPosition => servomotor,
+        Target::SpoolPosition => spool,
+        Target::PilotValvePosition => pilot_valve,
+        Target::Esv | Target::ControlPressure => return None,
+    }))
 }
 
 impl SignalWatch {
     fn take(&mut self, time_ns: i64, value: f64) {
         self.pace.push(time_ns);
+        if let Some(course) = &mut self.course {
+            course.push(time_ns, value);
+        }
         let before = self.range.ends();
         self.range.take(value);
         let ends = self.range.ends();
@@ -131,8 +160,11 @@ impl SignalWatch {
         let count = self.range.count.max(1) as f64;
         let at_ends: u64 = self.at_end.iter().map(|end| end.count).sum();
         let inside = self.range.count.saturating_sub(at_ends);
-        // Coarse steps stand still everywhere.
-        if (self.changes as f64) < LIVELY_SHARE * inside as f64 || self.range.span() == 0.0 {
+        // Coarse steps stand still everywhere, and what has two levels is a switch.
+        if (self.changes as f64) < LIVELY_SHARE * inside as f64
+            || self.range.span() == 0.0
+            || inside < self.range.count / 10
+        {
             return None;
         }
         let saturated = |end: &AtEnd| end.longest >= SATURATED_RUN && end.count as f64 > SATURATED_SHARE * count;
@@ -146,6 +178,9 @@ impl SignalWatch {
 pub struct Findings {
     watched: Vec<SignalWatch>,
     meant: meant::Meant,
+    /// What a reader of the bag would find in it.
+    chain: ChainEvidence,
+    inputs: Inputs,
 }
 
 impl Findings {
@@ -163,9 +198,15 @@ impl Findings {
             run: None,
             longest: None,
             at_end: [AtEnd::default(); 2],
+            course: course(signal.target),
         };
         let from_files = map.signals.iter().filter(|signal| signal.place().is_some());
-        Self { watched: from_files.map(watch).collect(), meant: meant::Meant::default() }
+        Self {
+            watched: from_files.map(watch).collect(),
+            meant: meant::Meant::default(),
+            chain: ChainEvidence::default(),
+            inputs: Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN },
+        }
     }
 
     /// Watches a row.
@@ -176,6 +217,19 @@ impl Findings {
             }
         }
         self.meant.take(row);
+        let newest = |target: Target, last: f64| row.value(target).unwrap_or(last);
+        self.inputs = Inputs {
+            opening_command_pu: newest(Target::OpeningCommand, self.inputs.opening_command_pu),
+            esv: row.esv().unwrap_or(self.inputs.esv),
+            tank_pressure_pa: newest(Target::TankPressure, self.inputs.tank_pressure_pa),
+        };
+        let measured = |target: Target| row.value(target).unwrap_or(f64::NAN);
+        let measured = Signals {
+            spool_position_pu: measured(Target::SpoolPosition),
+            servomotor_position_pu: measured(Target::ServomotorPosition),
+            ..Signals::NONE
+        };
+        self.chain.row(&Frame { time_ns: row.time_ns, inputs: self.inputs, measured });
     }
 
     /// What is known of the signals, and what a user should look into.
@@ -224,9 +278,18 @@ impl Findings {
             if let Some(words) = meant::unit(watch.target, &watch.range, &watch.unit, watch.ranged) {
                 say(words);
             }
+            if let Some(sign) = watch.course.as_ref().and_then(jumps_away) {
+                say(format!("more than one sender, by all signs: {sign}"));
+            }
             watch.pace.warnings(watch.target == Target::Esv).into_iter().for_each(say);
         }
         warnings.extend(self.meant.warnings());
+        // What signs and units explain needs no second word.
+        let in_range =
+            self.watched.iter().all(|watch| watch.target.is_pressure() || watch.range.ends()[1].abs() <= IN_PU);
+        if in_range && self.meant.warnings().is_empty() {
+            warnings.extend(self.chain.found().iter().map(Impossible::words));
+        }
         let found = |watch: SignalWatch| SignalFindings {
             target: watch.target,
             place: watch.place,

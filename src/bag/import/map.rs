@@ -8,6 +8,7 @@ use std::path::Path;
 
 use super::ImportError;
 use super::convert::Conversion;
+use super::lines::Between;
 use super::row::Target;
 use govtwin_files::read_text;
 
@@ -124,6 +125,14 @@ pub struct SignalMap {
     pub shutdown: Vec<TripRule>,
     /// Of the ESV: a trip stays, even where the column falls back.
     pub latch: bool,
+    /// Of the command: what it does between its points.
+    pub between: Between,
+    /// The column of its own times, where it has other ones than the rest of the table.
+    pub time: Option<String>,
+    /// The column that says whether its values are good; `none` where no column does although one is called so.
+    pub quality: Option<String>,
+    /// What stands in that column beside a good value; found out where nothing is given.
+    pub good: Vec<String>,
     /// Line of the map, counted from 1.
     pub line: Option<usize>,
 }
@@ -139,6 +148,10 @@ impl SignalMap {
             conversion: Conversion::NONE,
             shutdown: vec![],
             latch: false,
+            between: Between::default(),
+            time: None,
+            quality: None,
+            good: vec![],
             line: None,
         }
     }

@@ -108,12 +108,17 @@ struct TopicSignal {
     state: FieldState,
     /// Messages that did not hold the field.
     absent: u64,
+    /// Of an element that the map names by its number: what the messages call it, and how often that was another name than before.
+    element: Option<String>,
+    renamed: u64,
 }
 
 /// The messages of one topic, which hold one or more signals.
 #[derive(Clone, Debug)]
 pub struct MappedTopic {
     reader: FieldReader,
+    /// The definition that the reader is of, of several of the topic.
+    definition: Option<TopicInfo>,
     signals: Vec<TopicSignal>,
     by_log: bool,
     stamp_ns: Option<i64>,
@@ -130,9 +135,41 @@ impl MappedTopic {
         let mut signals = vec![];
         for field in fields.iter().filter(|field| field.topic() == name) {
             reader.check(&field.path).map_err(|problem| format!("{}: {problem}", field.target().id()))?;
-            signals.push(TopicSignal { field: field.clone(), state: FieldState::Absent, absent: 0 });
+            signals.push(TopicSignal {
+                field: field.clone(),
+                state: FieldState::Absent,
+                absent: 0,
+                element: None,
+                renamed: 0,
+            });
         }
-        Ok(Self { reader, signals, by_log: map.time.by_log, stamp_ns: None, undated: 0 })
+        Ok(Self { reader, definition: None, signals, by_log: map.time.by_log, stamp_ns: None, undated: 0 })
+    }
+
+    /// Reads the messages that follow by the definition of another channel of the topic.
+    ///
+    /// # Errors
+    /// In words with the signal's name, where that definition is not known, or has no such field.
+    pub(super) fn by_definition(&mut self, topic: &TopicInfo) -> Result<(), String> {
+        let same = |known: &TopicInfo| {
+            (&known.type_name, &known.schema_encoding, &known.schema)
+                == (&topic.type_name, &topic.schema_encoding, &topic.schema)
+        };
+        if self.definition.as_ref().is_some_and(same) {
+            return Ok(());
+        }
+        let reader = FieldReader::new(topic).map_err(|problem| format!("topic `{}`: {problem}", topic.name))?;
+        for TopicSignal { field, .. } in &self.signals {
+            reader.check(&field.path).map_err(|problem| {
+                format!(
+                    "{}: topic `{}` has two definitions, and in one of them {problem}",
+                    field.target().id(),
+                    topic.name
+                )
+            })?;
+        }
+        (self.reader, self.definition) = (reader, Some(topic.clone()));
+        Ok(())
     }
 
     /// Reads a message: a row with the values of those signals that it holds. Its time is that of the message's header, or `log_time_ns` where it
@@ -141,8 +178,12 @@ impl MappedTopic {
         self.stamp_ns = self.reader.stamp_ns(data).filter(|_| !self.by_log);
         self.undated += u64::from(self.stamp_ns.is_none() && !self.by_log);
         let mut row = ImportedRow::at(self.stamp_ns.unwrap_or(log_time_ns));
-        for TopicSignal { field, state, absent } in &mut self.signals {
-            let value = self.reader.value(&field.path, data);
+        for TopicSignal { field, state, absent, element, renamed } in &mut self.signals {
+            let (value, name) = self.reader.element(&field.path, data);
+            if let Some(name) = name {
+                *renamed += u64::from(element.as_ref().is_some_and(|known| *known != name));
+                *element = Some(name);
+            }
             let (value, otherwise) = match &value {
                 Some(FieldValue::Number(number)) => (ChannelValue::Number(*number), FieldState::NotFinite),
                 Some(FieldValue::Text(text)) => (ChannelValue::Text(text), FieldState::Text),
@@ -188,6 +229,20 @@ impl MappedTopic {
     /// The channels, each with how many messages did not hold its field.
     pub(super) fn channels(&self) -> impl Iterator<Item = (&SourceChannel, u64)> {
         self.signals.iter().map(|signal| (&signal.field.channel, signal.absent))
+    }
+
+    /// Elements that the map names by their numbers, and that are not always the same.
+    pub(super) fn renamed(&self) -> impl Iterator<Item = String> {
+        let moved = self.signals.iter().filter(|signal| signal.renamed > 0);
+        moved.filter_map(|TopicSignal { field, element, renamed, .. }| {
+            Some(format!(
+                "{} (`{}`): the messages call this element by another name than before {renamed} times, last `{name}`; in the map, put its \
+                 name in the place of its number: `[{name}]`",
+                field.target().id(),
+                field.place,
+                name = element.as_ref()?
+            ))
+        })
     }
 }
 

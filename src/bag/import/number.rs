@@ -61,7 +61,10 @@ impl Numbers {
     pub(super) fn cell(&self, text: &str) -> NumberCell {
         let text = text.trim();
         // Digits begin nearly every cell, and no other text that Rust would take for a number.
-        let begins = text.bytes().next().is_some_and(|byte| byte.is_ascii_digit() || b"+-.,".contains(&byte));
+        let begins = text
+            .chars()
+            .next()
+            .is_some_and(|letter| letter.is_ascii_digit() || "+-.,'(".contains(letter) || is_minus(letter));
         if begins
             && !self.missing.iter().any(|missing| missing == text)
             && let Ok(number) = self.plain(text).parse::<f64>()
@@ -72,11 +75,14 @@ impl Numbers {
         if self.is_missing(text) { NumberCell::Missing } else { NumberCell::Other }
     }
 
-    /// The text with a decimal point and without groups.
+    /// The text with a decimal point, a plain minus sign before it, and without groups.
     pub(super) fn plain<'a>(&self, text: &'a str) -> Cow<'a, str> {
-        if self.decimal == '.' && self.thousands.is_none() {
+        let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"+-.,:".contains(&byte);
+        let simple = text.bytes().all(is_plain) && !text.ends_with('-');
+        if simple && self.decimal == '.' && self.thousands.is_none() {
             return Cow::Borrowed(text);
         }
+        let text = if simple { text.to_owned() } else { self.respelled(text) };
         let mut plain = String::with_capacity(text.len());
         for letter in text.chars() {
             if letter == self.decimal {
@@ -84,21 +90,69 @@ impl Numbers {
             } else if letter == '.' && self.thousands != Some('.') {
                 // A point where the comma is the decimal sign is no number.
                 plain.push('?');
-            } else if Some(letter) != self.thousands && !(self.thousands == Some(' ') && letter == '\u{a0}') {
+            } else if Some(letter) != self.thousands {
                 plain.push(letter);
             }
         }
         Cow::Owned(plain)
     }
+
+    /// Signs and groups of digits as they can mean one thing alone: minus signs of typography, a minus behind the number or brackets round it,
+    /// the apostrophe that spreadsheets put before text, and blanks or apostrophes between groups of three digits.
+    fn respelled(&self, text: &str) -> String {
+        let text = text.trim();
+        let text = text.strip_prefix('\'').filter(|rest| !rest.is_empty()).unwrap_or(text);
+        let inside = text.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+        let behind =
+            text.strip_suffix(is_minus).filter(|rest| rest.starts_with(|letter: char| letter.is_ascii_digit()));
+        let (text, minus) = match inside.or(behind) {
+            Some(number) => (number.trim(), "-"),
+            None => (text, ""),
+        };
+        let letters: Vec<char> = text.chars().collect();
+        let digits = |from: usize| letters.iter().skip(from).take_while(|letter| letter.is_ascii_digit()).count();
+        let mut plain = String::from(minus);
+        for (k, letter) in letters.iter().enumerate() {
+            let between = k > 0 && letters[k - 1].is_ascii_digit() && digits(k + 1) == 3;
+            if (is_blank(*letter) || is_apostrophe(*letter)) && between && *letter != self.decimal {
+                continue;
+            }
+            plain.push(if is_minus(*letter) { '-' } else { *letter });
+        }
+        // A sign may stand apart from its number.
+        match plain.strip_prefix('-').map(str::trim_start) {
+            Some(number) => format!("-{number}"),
+            None => plain,
+        }
+    }
+}
+
+/// Hyphen, minus, en dash and their wide forms.
+fn is_minus(letter: char) -> bool {
+    matches!(letter, '-' | '\u{2010}'..='\u{2013}' | '\u{2212}' | '\u{fe58}' | '\u{fe63}' | '\u{ff0d}')
+}
+
+/// Blanks of all widths.
+fn is_blank(letter: char) -> bool {
+    matches!(letter, ' ' | '\u{a0}' | '\u{2000}'..='\u{200a}' | '\u{202f}' | '\u{205f}' | '\u{3000}')
+}
+
+fn is_apostrophe(letter: char) -> bool {
+    matches!(letter, '\'' | '\u{2019}' | '\u{2bc}' | '\u{b4}')
 }
 
 /// A decimal number in units of so many ns, as whole ns to the nearest, without a detour through floating point.
 pub(super) fn decimal_ns(text: &str, unit_ns: i128) -> Option<i64> {
+    decimal(text, unit_ns).and_then(|total| i64::try_from(total).ok())
+}
+
+/// The same where the ns are counted from a zero so long ago that they have no room in 64 bits.
+pub(super) fn decimal(text: &str, unit_ns: i128) -> Option<i128> {
     let text = text.trim();
     let (text, sign) = match text.as_bytes().first()? {
         b'-' => (&text[1..], -1),
         b'+' => (&text[1..], 1),
-        _ => (text, 1),
+        _ => (text, 1_i128),
     };
     let (mantissa, exponent) = match text.split_once(['e', 'E']) {
         Some((mantissa, exponent)) => (mantissa, exponent.parse::<i32>().ok()?),
@@ -138,7 +192,7 @@ pub(super) fn decimal_ns(text: &str, unit_ns: i128) -> Option<i64> {
     let (units, rest) = (value / divide, value % divide);
     let part = (rest.checked_mul(unit_ns)?.checked_add(divide / 2)?) / divide;
     let total = units.checked_mul(unit_ns)?.checked_add(part)?;
-    i64::try_from(sign * total).ok()
+    Some(sign * total)
 }
 
 #[cfg(test)]
@@ -157,13 +211,26 @@ mod tests {
             (',', Some(' '), "1\u{a0}234,5", 1234.5),
             ('.', None, ".5", 0.5),
             (',', None, "3E+2", 300.0),
+            ('.', None, "\u{2212}0.134", -0.134),
+            (',', None, "\u{2013}0,5", -0.5),
+            ('.', None, "'-2.00", -2.0),
+            ('.', None, "'2.00", 2.0),
+            ('.', None, "12.5-", -12.5),
+            ('.', None, "(12.5)", -12.5),
+            ('.', None, "- 12.5", -12.5),
+            (',', None, "6\u{202f}323,0", 6323.0),
+            (',', Some(' '), "6\u{202f}323,0", 6323.0),
+            (',', None, "1 234 567,25", 1_234_567.25),
+            ('.', None, "6\u{2019}323.0", 6323.0),
+            ('.', None, "6'323", 6323.0),
+            ('.', None, "1e-3", 1e-3),
         ] {
             assert_eq!(numbers(decimal, thousands).cell(text), NumberCell::Number(value), "{text}");
         }
         for text in ["", "NaN", "#N/A", "Bad", "Bad Input", "-", " null "] {
             assert_eq!(numbers('.', None).cell(text), NumberCell::Missing, "{text}");
         }
-        for text in ["1,5", "abc", "1.2.3", "inf", "0x10", "12:30"] {
+        for text in ["1,5", "abc", "1.2.3", "inf", "0x10", "12:30", "1 23", "1'2", "2024-05-02", "5-6", "1 234 56"] {
             assert_eq!(numbers('.', None).cell(text), NumberCell::Other, "{text}");
         }
         assert_eq!(numbers(',', None).cell("1.5"), NumberCell::Other, "a point beside a decimal comma");

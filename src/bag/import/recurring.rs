@@ -27,7 +27,8 @@ impl Recurring {
 
     /// Completes a row, which may be empty afterwards.
     pub fn complete(&mut self, row: &mut ImportedRow) {
-        if self.given_ns.is_none_or(|given_ns| row.time_ns.saturating_sub(given_ns) >= AGAIN_NS) {
+        // Also where time goes back: what is constant holds before its first row, too.
+        if self.given_ns.is_none_or(|given_ns| !(0..AGAIN_NS).contains(&row.time_ns.saturating_sub(given_ns))) {
             self.given_ns = Some(row.time_ns);
             for (target, value) in &self.constants {
                 row.set(*target, *value);

@@ -19,6 +19,8 @@ struct LastSample {
 #[derive(Debug)]
 pub(super) struct Resampler {
     period_ns: i64,
+    /// Between neighbours that lie further apart nothing is drawn, ns.
+    widest_ns: i64,
     last: [Option<LastSample>; Target::ALL.len()],
     /// Rows of the grid that some signal may still enter, the earliest first.
     open: VecDeque<ImportedRow>,
@@ -29,9 +31,11 @@ pub(super) struct Resampler {
 }
 
 impl Resampler {
-    pub(super) fn new(rate_hz: f64) -> Self {
+    /// With so many rows each second; `compressed` says that points are few because nothing else happened between them.
+    pub(super) fn new(rate_hz: f64, compressed: bool) -> Self {
         Self {
             period_ns: nanos_from_seconds(1.0 / rate_hz).max(1),
+            widest_ns: if compressed { i64::MAX } else { WIDEST_NS },
             last: [None; Target::ALL.len()],
             open: VecDeque::new(),
             newest_ns: i64::MIN,
@@ -50,7 +54,7 @@ impl Resampler {
             let place = target.place();
             match self.last[place] {
                 Some(before) if before.time_ns >= sample.time_ns => continue,
-                Some(before) if sample.time_ns - before.time_ns > WIDEST_NS => self.gaps += 1,
+                Some(before) if sample.time_ns - before.time_ns > self.widest_ns => self.gaps += 1,
                 Some(before) => self.draw(target, before, sample),
                 None => {}
             }
@@ -81,7 +85,11 @@ impl Resampler {
     fn row(&mut self, time_ns: i64) -> Option<&mut ImportedRow> {
         let at = self.open.partition_point(|row| row.time_ns < time_ns);
         if self.open.get(at).is_none_or(|row| row.time_ns != time_ns) {
-            if at == 0 && self.rows > 0 && self.open.is_empty() && time_ns <= self.newest_ns - 2 * WIDEST_NS {
+            if at == 0
+                && self.rows > 0
+                && self.open.is_empty()
+                && time_ns <= self.newest_ns.saturating_sub(self.widest_ns.saturating_mul(2))
+            {
                 return None;
             }
             self.open.insert(at, ImportedRow::at(time_ns));
@@ -97,7 +105,7 @@ impl Resampler {
     /// The next row that no signal can enter any more.
     pub(super) fn pop(&mut self) -> Option<ImportedRow> {
         let first = self.open.front()?;
-        let settled = self.ended || first.time_ns < self.newest_ns - WIDEST_NS;
+        let settled = self.ended || first.time_ns < self.newest_ns.saturating_sub(self.widest_ns);
         let row = if settled { self.open.pop_front() } else { None };
         self.rows += u64::from(row.is_some());
         row
@@ -110,7 +118,7 @@ impl Resampler {
             "resampled, as the map asks: {rows} rows every {} s by straight lines between neighbours; across {gaps} gaps of more than {} s \
              nothing was drawn",
             seconds_from_nanos(self.period_ns),
-            seconds_from_nanos(WIDEST_NS)
+            seconds_from_nanos(self.widest_ns)
         )
     }
 }
@@ -121,7 +129,7 @@ mod tests {
 
     #[test]
     fn signals_of_other_rates_meet_on_the_grid() {
-        let mut resampler = Resampler::new(100.0);
+        let mut resampler = Resampler::new(100.0, false);
         let ms = 1_000_000;
         let mut samples: Vec<(i64, Target, f64)> =
             (0..50).map(|k| (k * 7 * ms, Target::SpoolPosition, k as f64 * 7.0)).collect();

@@ -5,16 +5,19 @@ use std::path::{Path, PathBuf};
 use super::ImportError;
 use super::csv_file::CsvFile;
 use super::findings::{Findings, SignalFindings};
+use super::lines::{Between, Course, Lines, SparsePoints};
 use super::map::{Map, SignalPlace};
 use super::recurring::Recurring;
 use super::resample::Resampler;
-use super::row::ImportedRow;
+use super::row::{ImportedRow, Target};
 use super::source::table::TableSource;
 use super::source::{Source, SourceKind, kind_of};
 use super::topics::{self, BagRows};
 
 /// Rows between two calls of the progress.
 const ROWS_PER_CALL: u64 = 4096;
+/// Larger tables are none of a compressing historian, and are not read twice, bytes.
+const LARGEST_LOOKED_AT: u64 = 1 << 23;
 
 /// Files opened by a map.
 pub struct Import {
@@ -110,7 +113,10 @@ impl Import {
     ) -> Result<ImportOutcome, E> {
         let mut findings = Findings::new(&self.map);
         let mut rows = 0_u64;
-        let mut resampler = self.map.resample_hz.map(Resampler::new);
+        let course = self.course()?;
+        let compressed = matches!(course, Course::Line { .. });
+        let mut lines = compressed.then(Lines::default);
+        let mut resampler = self.map.resample_hz.map(|rate_hz| Resampler::new(rate_hz, compressed));
         let mut recurring = Recurring::new(&self.map);
         let mut held: Option<ImportedRow> = None;
         for part in &mut self.sources {
@@ -129,7 +135,18 @@ impl Import {
             {
                 continue;
             }
-            if let Some(mut whole) = std::mem::replace(&mut held, row) {
+            let ends = row.is_none();
+            let mut whole = std::mem::replace(&mut held, row);
+            if let Some(lines) = &mut lines {
+                match whole.take() {
+                    Some(row) => lines.push(row),
+                    None => lines.flush(None),
+                }
+                if ends {
+                    lines.flush(None);
+                }
+            }
+            while let Some(mut whole) = whole.take().or_else(|| lines.as_mut().and_then(Lines::pop)) {
                 findings.take(&whole);
                 match &mut resampler {
                     Some(resampler) => {
@@ -141,7 +158,7 @@ impl Import {
                     None => hand_on(&mut whole, &mut rows)?,
                 }
             }
-            if held.is_none() {
+            if ends {
                 break;
             }
             read += 1;
@@ -150,6 +167,19 @@ impl Import {
             }
         }
         let mut outcome = ImportOutcome::default();
+        match course {
+            Course::Line { points } => outcome.notes.push(format!(
+                "opening_command: {points} points at its corners, as a compressing historian keeps them; the servomotor follows straight lines \
+                 between them, on which {} points were added; measured signals stay at their points",
+                lines.as_ref().map_or(0, |lines| lines.added)
+            )),
+            Course::Unknown { points, apart_pu } => outcome.warnings.push(format!(
+                "opening_command: {points} points, between which it may hold or run straight, {:.0} % of the stroke apart, and the servomotor does \
+                 not show which; it is taken to hold; give `between: line` in the map where a historian has compressed it, or `between: hold`",
+                apart_pu * 100.0
+            )),
+            Course::Dense | Course::Hold => {}
+        }
         if let Some(mut resampler) = resampler {
             resampler.end();
             while let Some(mut row) = resampler.pop() {
@@ -167,6 +197,34 @@ impl Import {
         outcome.signals = signals;
         outcome.warnings.extend(warnings);
         Ok(outcome)
+    }
+
+    /// What the command of a table does between its points, by a first reading of files that are as small as compressed ones.
+    fn course(&self) -> Result<Course, ImportError> {
+        let command = self.map.signals.iter().find(|signal| signal.target == Target::OpeningCommand);
+        let between =
+            command.filter(|command| matches!(command.from, SignalPlace::Column(_))).map(|command| command.between);
+        let bytes: u64 = self.sources.iter().map(|part| part.bytes).sum();
+        match between {
+            None | Some(Between::Hold) => return Ok(Course::Hold),
+            Some(Between::Found) if bytes > LARGEST_LOOKED_AT => return Ok(Course::Hold),
+            Some(Between::Found | Between::Line) => {}
+        }
+        let paths: Vec<PathBuf> = self.sources.iter().map(|part| part.path.clone()).collect();
+        let mut again = Self::open(&paths, &self.map)?;
+        for part in &mut again.sources {
+            part.next = part.source.next()?;
+        }
+        let mut points = SparsePoints::default();
+        while let Some(row) = again.earliest()? {
+            if !points.take(&row) {
+                break;
+            }
+        }
+        Ok(match (between, points.course()) {
+            (Some(Between::Line), _) => Course::Line { points: points.commands() },
+            (_, course) => course,
+        })
     }
 
     /// The earliest row of all sources, of one time that of the file named first.

@@ -2,6 +2,8 @@
 
 pub(super) mod channel;
 pub(super) mod head;
+mod order;
+pub(super) mod quality;
 pub(super) mod records;
 pub(super) mod table;
 mod timing;
@@ -26,7 +28,12 @@ pub enum SourceKind {
 }
 
 /// Files that people have and that are none of these, by their first bytes, with the way out.
-const OTHERS: [(&[u8], &str); 9] = [
+const OTHERS: [(&[u8], &str); 11] = [
+    (b"MDF     ", "a measurement file MDF; export the signals as CSV first (in asammdf: `MDF(FILE).export(\"csv\")`)"),
+    (
+        b"--- file type: CFG",
+        "a COMTRADE file (.cff); export the channels as CSV first with the program of the fault recorder",
+    ),
     (b"PK\x03\x04", "a workbook or zip archive; in Excel or LibreOffice save the sheet as CSV, and import that"),
     (
         b"\xd0\xcf\x11\xe0",

@@ -1,21 +1,26 @@
 //! A map proposed for a file that nobody has mapped: by the names of its columns, their units, ranges and shapes.
 
 mod column;
+mod machines;
 mod names;
 mod propose;
 mod rank;
+mod tall;
+mod trip;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::ImportError;
 use super::csv_file::CsvFile;
 use super::map::{FileMap, Map, Repeated, TimeMap};
 use super::source::channel::ChannelValue;
 use super::source::head::TableHead;
-use super::source::records::{SAMPLED, TableRecords};
+use super::source::quality::column_of;
+use super::source::records::TableRecords;
 use super::source::table::TableSource;
 use super::source::{Source as _, SourceKind, kind_of};
-use crate::{FieldReader, FieldValue, messages};
+use crate::{FieldReader, FieldValue, TopicInfo, messages};
 
 pub use column::{Envelope, SuggestedColumn};
 pub use rank::Proposed;
@@ -26,7 +31,7 @@ const MOST_COLUMNS: usize = 400;
 const ROWS_PER_CALL: u64 = 4096;
 
 /// What was understood of a file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Suggestion {
     /// The map.
     pub map: Map,
@@ -79,15 +84,8 @@ fn of_table<R: TableRecords>(
     let map = Map { file: layout, time: given.time.clone(), ..Map::default() };
     let names = head.names.clone();
     let units = head.units.clone();
-    if let Some(long) = long_table(&head, &open)? {
-        return Err(ImportError::file(
-            &head.path,
-            format!(
-                "looks like a table with one value a line: column `{}` holds names; give a map with `file: {{tag_column: \"{}\", value_column: …}}` \
-                 and the tags as columns",
-                names[long], names[long]
-            ),
-        ));
+    if let Some(long) = tall::columns(&head, &open)? {
+        return tall::suggest(&head, map, &long, &open, on_progress);
     }
     let mut table = TableSource::new(head, &map, &open)?;
     let (time_columns, time) = table.time(&map);
@@ -99,7 +97,9 @@ fn of_table<R: TableRecords>(
         repeated += u64::from(newest_ns == Some(time_ns));
         newest_ns = Some(time_ns);
         for (index, column) in columns.iter_mut().enumerate().filter(|(index, _)| !time_columns.contains(index)) {
-            column.take(time_ns, table.value(index));
+            if let Some(time_ns) = table.time_of(index) {
+                column.take(time_ns, table.value(index));
+            }
         }
         rows += 1;
         if rows.is_multiple_of(ROWS_PER_CALL) {
@@ -107,12 +107,18 @@ fn of_table<R: TableRecords>(
         }
     }
     let said = table.said();
+    // Neither times nor what says whether others are good is a signal.
+    let of_others: Vec<usize> = (0..names.len()).filter_map(|column| column_of(&names, column)).collect();
     let mut place = 0;
     columns.retain(|_| {
         place += 1;
-        !time_columns.contains(&(place - 1))
+        !time_columns.contains(&(place - 1)) && !of_others.contains(&(place - 1))
     });
     let mut suggestion = rank::rank(Map { time, ..map }, columns, false);
+    for signal in &mut suggestion.map.signals {
+        let index = signal.place().and_then(|name| names.iter().position(|known| known == name));
+        signal.time = index.and_then(|index| table.own_time_of(index)).map(|number| format!("#{number}"));
+    }
     suggestion.notes = said.notes;
     suggestion.open.extend(said.warnings);
     if 2 * repeated > rows {
@@ -135,51 +141,19 @@ fn of_table<R: TableRecords>(
     Ok(suggestion)
 }
 
-/// The column of names in a table with one value a line: text that repeats itself beside few other columns.
-fn long_table<R: TableRecords>(
-    head: &TableHead,
-    open: &impl Fn() -> Result<R, ImportError>,
-) -> Result<Option<usize>, ImportError> {
-    if head.names.len() > 6 {
-        return Ok(None);
-    }
-    let time = head.time_columns();
-    let mut records = open()?;
-    let mut seen: Vec<(Vec<String>, usize)> = vec![(vec![], 0); head.names.len()];
-    let mut count = 0;
-    while count < SAMPLED && records.advance()? {
-        count += 1;
-        for (column, (words, texts)) in seen.iter_mut().enumerate() {
-            if let ChannelValue::Text(text) = records.value(column) {
-                *texts += 1;
-                if !words.iter().any(|known| known == text) {
-                    words.push(text.to_owned());
-                }
-            }
-        }
-    }
-    let is_tag = |column: &usize| {
-        let (words, texts) = &seen[*column];
-        let distinct = words.len();
-        let named = ["tag", "tagname", "name", "signal", "variable", "point", "messstelle", "kanal", "topic"]
-            .contains(&head.names[*column].trim().to_lowercase().as_str());
-        !time.contains(column) && *texts == count && count > 0 && named && distinct >= 1 && distinct * 2 <= count
-    };
-    Ok((0..head.names.len()).find(is_tag))
-}
-
 fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, ImportError> {
     let bag = messages(path)?;
     let total: u64 = bag.files().iter().map(|file| file.messages).sum();
     let mut notes = vec![];
     let mut readers = vec![];
+    // A topic with several definitions has a reader for each.
     for topic in bag.topics() {
         match FieldReader::new(topic) {
             Ok(reader) => {
                 notes.push(format!("topic {} of type {}", topic.name, topic.type_name));
                 // Positions of its joints are in m or rad, never in pu (REP 103).
                 let joints = topic.type_name == "sensor_msgs/msg/JointState";
-                readers.push((topic.name.clone(), reader, joints));
+                readers.push((Arc::clone(topic), reader, joints));
             }
             Err(problem) => notes.push(format!("topic {}: {problem}", topic.name)),
         }
@@ -192,9 +166,12 @@ fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, I
         if rows.is_multiple_of(ROWS_PER_CALL) {
             on_progress(rows as f64 / total.max(1) as f64);
         }
-        let Some((topic, reader, joints)) = readers.iter().find(|(name, ..)| *name == message.topic.name) else {
-            continue;
+        let is_its = |known: &Arc<TopicInfo>| {
+            Arc::ptr_eq(known, &message.topic)
+                || (known.name == message.topic.name && known.schema == message.topic.schema)
         };
+        let Some((known, reader, joints)) = readers.iter().find(|(known, ..)| is_its(known)) else { continue };
+        let topic = &known.name;
         let time_ns = reader.stamp_ns(&message.data).unwrap_or(message.log_time_ns);
         for (field, value) in reader.leaves(&message.data) {
             if field.starts_with("header.") || field.starts_with("stamp.") {

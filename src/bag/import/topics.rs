@@ -68,7 +68,12 @@ impl Source for BagRows {
             let message = message?;
             self.passed += 1;
             let known = self.topics.iter_mut().find(|(topic, _)| topic.name == message.topic.name);
-            let Some((_, topic)) = known else { continue };
+            let Some((announced, topic)) = known else { continue };
+            if !Arc::ptr_eq(announced, &message.topic) {
+                let wrong = |problem: String| ImportError::file(&self.path, problem);
+                topic.by_definition(&message.topic).map_err(wrong)?;
+                *announced = Arc::clone(&message.topic);
+            }
             let row = topic.take(&message.data, message.log_time_ns, self.passed);
             if !row.is_empty() {
                 return Ok(Some(row));
@@ -96,6 +101,8 @@ impl Source for BagRows {
                 "{path}: {undated} messages have no stamp of their own; the time of recording stands in"
             ));
         }
+        said.warnings
+            .extend(self.topics.iter().flat_map(|(_, topic)| topic.renamed()).map(|words| format!("{path}: {words}")));
         for (channel, absent) in self.channels() {
             let (id, place) = (channel.map.target.id(), channel.map.place().unwrap_or_default());
             if absent > 0 {

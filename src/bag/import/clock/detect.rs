@@ -86,36 +86,95 @@ pub(in crate::import) fn detect(
     }
 }
 
+/// Years between which recordings are made that anybody imports, s since 1970: from 1992 to 2050.
+const RECORDED_S: std::ops::Range<f64> = 694_224_000.0..2_524_608_000.0;
+/// The least and the most time between two rows of a governor's recording, s, whose processes take seconds: outside, the unit of the counts is
+/// another one.
+const STEP_S: std::ops::RangeInclusive<f64> = 2e-4..=5.0;
+/// The same where the header states the unit.
+const STATED_STEP_S: std::ops::RangeInclusive<f64> = 1e-5..=60.0;
+
+/// Counts from a fixed moment, with their unit and that moment, s, in words.
+const MOMENTS: [(&str, &str); 8] = [
+    ("unix_ns", "nanoseconds since 1970"),
+    ("unix_us", "microseconds since 1970"),
+    ("unix_ms", "milliseconds since 1970"),
+    ("unix_s", "seconds since 1970"),
+    ("filetime", "Windows FILETIME: 100 ns since 1601"),
+    ("windows_us", "microseconds since 1601"),
+    ("dotnet_ticks", ".NET ticks: 100 ns since the year 1"),
+    ("labview_s", "LabVIEW: seconds since 1904"),
+];
+
+/// The unit that a text states: name in a map, unit in ns.
+fn stated(unit: &str) -> Option<(&'static str, i64)> {
+    Some(match plain(unit).as_str() {
+        "s" | "sec" | "secs" | "second" | "seconds" | "sekunden" | "sek" => ("seconds", 1_000_000_000),
+        "ms" | "msec" | "millis" | "millisecond" | "milliseconds" | "millisekunden" => ("milliseconds", 1_000_000),
+        "us" | "µs" | "\u{3bc}s" | "usec" | "micros" | "microsecond" | "microseconds" => ("microseconds", 1000),
+        "ns" | "nsec" | "nanos" | "nanosecond" | "nanoseconds" => ("nanoseconds", 1),
+        "min" | "minutes" => ("minutes", 60_000_000_000),
+        "h" | "hours" => ("hours", 3_600_000_000_000),
+        _ => return None,
+    })
+}
+
+/// The unit in a name such as `t_ms` or `us since boot`; `min` and `h` in names say other things as well.
+fn in_name(name: &str) -> Option<(&'static str, i64)> {
+    let lower = name.to_lowercase();
+    let mut words = lower.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !["min", "h"].contains(word));
+    words.find_map(stated)
+}
+
+/// Fixed moments from which such counts fall into the years of recordings.
+fn moments(first: f64, unit_ns: Option<i64>) -> Vec<(Format, &'static str)> {
+    let formats = MOMENTS.iter().filter_map(|(name, words)| Some((Format::of(name).ok()?, *words)));
+    formats
+        .filter(|(format, _)| {
+            let Format::Epoch { unit_ns: unit, zero_s } = format else { return false };
+            let moment_s = first * (*unit as f64 * 1e-9) + *zero_s as f64;
+            unit_ns.is_none_or(|stated| stated == *unit) && RECORDED_S.contains(&moment_s)
+        })
+        .collect()
+}
+
 fn number(values: &[f64], name: &str, unit: &str) -> Result<Detected, String> {
     let found = |format: Format, why: &str| Ok(Detected { format, why: why.to_owned() });
     let first = values[0];
-    let mut steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    let mut steps: Vec<f64> =
+        values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0).collect();
     steps.sort_by(f64::total_cmp);
     let step = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
-    let relative = |unit: &str| match plain(unit).as_str() {
-        "s" | "sec" | "seconds" => Some(("seconds", 1_000_000_000)),
-        "ms" | "msec" | "milliseconds" => Some(("milliseconds", 1_000_000)),
-        "us" | "µs" | "microseconds" => Some(("microseconds", 1000)),
-        "ns" | "nanoseconds" => Some(("nanoseconds", 1)),
-        "min" | "minutes" => Some(("minutes", 60_000_000_000)),
-        "h" | "hours" => Some(("hours", 3_600_000_000_000)),
-        _ => None,
+    let asked = |found: &str| {
+        Err(format!(
+            "column `{name}` begins at {first} and changes by {step} from row to row: {found}; say how it counts with `time: {{format: …}}` in \
+             the map: seconds, milliseconds, microseconds or nanoseconds from a start, unix_s, unix_ms, unix_us or unix_ns since 1970, filetime, \
+             dotnet_ticks or labview_s"
+        ))
     };
-    for (at_least, unit_ns, words) in [
-        (1e17, 1, "nanoseconds since 1970"),
-        (1e14, 1000, "microseconds since 1970"),
-        (1e11, 1_000_000, "milliseconds since 1970"),
-        (3e8, 1_000_000_000, "seconds since 1970"),
-    ] {
-        if first >= at_least {
-            return found(Format::Epoch { unit_ns }, &format!("numbers of this size are {words}"));
+    let apart = |format: Format, words: &str, within: std::ops::RangeInclusive<f64>, why: &str| {
+        let (Format::Epoch { unit_ns, .. } | Format::Relative { unit_ns }) = format else { return found(format, why) };
+        let step_s = step * unit_ns as f64 * 1e-9;
+        if step > 0.0 && !within.contains(&step_s) {
+            return asked(&format!("as {words} its rows are {step_s} s apart, which those of a governor are not"));
         }
+        found(format, why)
+    };
+    // What the header says counts before the size of the numbers.
+    if let Some((words, unit_ns)) = stated(unit).or_else(|| in_name(name)) {
+        return match &moments(first, Some(unit_ns))[..] {
+            [] => apart(Format::Relative { unit_ns }, words, STATED_STEP_S, &format!("the header says {words}")),
+            [(format, since), ..] => {
+                let why = format!("the header says {words}, and numbers of this size are {since}");
+                apart(format.clone(), since, STATED_STEP_S, &why)
+            }
+        };
+    }
+    if let [(format, since)] = &moments(first, None)[..] {
+        return apart(format.clone(), since, STEP_S, &format!("numbers of this size are {since}"));
     }
     if (7e5..8e5).contains(&first) && step < 0.02 {
         return found(Format::Matlab, "numbers of this size with such small steps are MATLAB's days");
-    }
-    if let Some((words, unit_ns)) = relative(unit) {
-        return found(Format::Relative { unit_ns }, &format!("the header says {words}"));
     }
     if (2e4..8e4).contains(&first) {
         if step < 0.002 {
@@ -134,8 +193,15 @@ fn number(values: &[f64], name: &str, unit: &str) -> Result<Detected, String> {
              or `{{format: seconds}}` in the map; {rate_hint}"
         ));
     }
-    found(Format::Relative { unit_ns: 1_000_000_000 }, "numbers with such steps are taken as seconds from the start")
+    if first.abs() >= LARGE {
+        return asked("numbers of this size are no times of the last decades in any unit");
+    }
+    let seconds = Format::Relative { unit_ns: 1_000_000_000 };
+    apart(seconds, "seconds", STEP_S, "numbers with such steps are taken as seconds from the start")
 }
+
+/// Seconds from a start that are more than this would be ten years.
+const LARGE: f64 = 3e8;
 
 #[cfg(test)]
 mod tests {
@@ -166,6 +232,16 @@ mod tests {
             (["5/13/2024 1:00:00 PM", "5/13/2024 1:00:01 PM", "5/13/2024 1:00:02 PM"], "", "%m/%d/%Y %I:%M:%S%.f %p"),
             (["02-May-2024 10:00:00", "02-May-2024 10:00:01", "02-May-2024 10:00:02"], "", "%d-%b-%Y %H:%M:%S%.f"),
             (["10:00:00.1", "10:00:00.2", "10:00:00.3"], "", "%H:%M:%S%.f"),
+            (["134345759000000000", "134345759000400000", "134345759000800000"], "", "filetime"),
+            (["639000000000000000", "639000000000400000", "639000000000800000"], "", "dotnet_ticks"),
+            (["13434575900000000", "13434575900040000", "13434575900080000"], "", "windows_us"),
+            (["3873000000.00", "3873000000.04", "3873000000.08"], "", "labview_s"),
+            (["3873000000.00", "3873000000.04", "3873000000.08"], "s", "labview_s"),
+            // Counters since the device was switched on: 10 days of milliseconds, 80 minutes of microseconds.
+            (["900000000", "900000040", "900000080"], "ms", "milliseconds"),
+            (["4800000000", "4800040000", "4800080000"], "us", "microseconds"),
+            (["1714636800250", "1714636800260", "1714636800270"], "ms", "unix_ms"),
+            (["1714636800.25", "1714636800.26", "1714636800.27"], "s", "unix_s"),
         ] {
             assert_eq!(of(&texts, unit).unwrap_or_else(|error| panic!("{error}")).name(), name, "{texts:?}");
         }
@@ -177,6 +253,9 @@ mod tests {
             (["05/02/2024 10:00:00", "05/02/2024 10:00:01", "05/02/2024 10:00:02"], "month/day or day/month"),
             (["45000", "45001", "45002"], "days of Excel, or seconds?"),
             (["0", "1", "2"], "in which unit?"),
+            (["900000000", "900000040", "900000080"], "as seconds since 1970 its rows are 40 s apart"),
+            (["0.0", "0.00001", "0.00002"], "say how it counts"),
+            (["5.5e10", "5.6e10", "5.7e10"], "in which unit?"),
             (["open", "close", "open"], "expected times, found `open`"),
         ] {
             let error = of(&texts, "").unwrap_err();

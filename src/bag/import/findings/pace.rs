@@ -60,7 +60,8 @@ impl IntervalBins {
                 }
             }
         }
-        self.last_ns = self.last_ns.max(time_ns);
+        // What follows a jump is measured from there: a jump counts once, however many samples follow it.
+        self.last_ns = time_ns;
     }
 
     pub(super) fn first_ns(&self) -> i64 {

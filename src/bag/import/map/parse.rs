@@ -3,6 +3,7 @@
 use super::reader::{Pairs, Reader, with};
 use super::{Map, Repeated, SignalMap, SignalPlace, TripRule};
 use crate::import::convert::{UnitConversion, plain, pressure, share, units_of};
+use crate::import::lines::Between;
 use crate::import::row::Target;
 use govtwin_model::params::FileProblem;
 use govtwin_model::params::yaml::{Node, get, parse as parse_yaml};
@@ -21,8 +22,10 @@ const FILE: &[&str] = &[
     "value_column",
 ];
 const TIME: &[&str] = &["column", "columns", "format", "zone", "start", "rate_hz", "repeated", "stamp"];
-const SIGNAL: &[&str] =
-    &["column", "field", "constant", "unit", "scale", "offset", "range", "to", "sign", "shutdown", "latch"];
+const SIGNAL: &[&str] = &[
+    "column", "field", "constant", "unit", "scale", "offset", "range", "to", "sign", "shutdown", "latch", "time",
+    "quality", "good", "between",
+];
 
 pub(super) fn parse(text: &str) -> Result<Map, Vec<FileProblem>> {
     let document = parse_yaml(text)
@@ -158,6 +161,29 @@ impl<'a> Reader<'a> {
             _ => self.say(path, "expected one of `column`, `field`, `constant`"),
         }
         signal.unit = self.text(pairs, path, "unit").unwrap_or_default();
+        signal.time = self.text(pairs, path, "time");
+        signal.quality = self.text(pairs, path, "quality");
+        signal.good = self.texts(pairs, path, "good");
+        for (key, given) in [("time", signal.time.is_some()), ("quality", signal.quality.is_some())] {
+            if given && !matches!(signal.from, SignalPlace::Column(_)) {
+                self.say(&with(path, key), "names a column of a table, and this signal is none");
+            }
+        }
+        match self.text(pairs, path, "between").as_deref() {
+            None => {}
+            Some("hold") => signal.between = Between::Hold,
+            Some("line") => signal.between = Between::Line,
+            Some(other) => self.say(&with(path, "between"), format!("expected hold or line, found `{other}`")),
+        }
+        if signal.between != Between::Found && target != Target::OpeningCommand {
+            self.say(
+                &with(path, "between"),
+                "belongs to `opening_command` alone: what is measured stays where it was measured",
+            );
+        }
+        if !signal.good.is_empty() && signal.quality.is_none() {
+            self.say(&with(path, "good"), "needs `quality`, the column in which it stands");
+        }
         if target == Target::Esv {
             self.event(pairs, path, &mut signal);
             return Some(signal);

@@ -1,6 +1,7 @@
 //! Writes a map as text that reads back as the same map.
 
 use super::{Map, Repeated, SignalMap, SignalPlace, TripRule};
+use crate::import::lines::Between;
 use govtwin_model::params::number_text;
 use govtwin_model::params::yaml::quoted;
 
@@ -108,6 +109,16 @@ fn value(signal: &SignalMap) -> String {
     if signal.latch {
         parts.push("latch: true".to_owned());
     }
+    match signal.between {
+        Between::Found => {}
+        Between::Hold => parts.push("between: hold".to_owned()),
+        Between::Line => parts.push("between: line".to_owned()),
+    }
+    parts.extend(signal.time.as_ref().map(|time| format!("time: {}", quoted(time))));
+    parts.extend(signal.quality.as_ref().map(|quality| format!("quality: {}", quoted(quality))));
+    if !signal.good.is_empty() {
+        parts.push(format!("good: {}", list(&signal.good)));
+    }
     format!("{{{}}}", parts.join(", "))
 }
 
@@ -140,12 +151,12 @@ file: {separator: tab, decimal: ",", thousands: ".", encoding: windows-1252, hea
 time: {columns: [Datum, "Zeit #2"], format: "%d.%m.%Y %H:%M:%S%.f", zone: Europe/Zurich, repeated: spread, start: "2024-05-02"}
 resample: {rate_hz: 100}
 signals:
-  opening_command: {column: "Y soll, \"%\"", unit: "%"}
+  opening_command: {column: "Y soll, \"%\"", unit: "%", between: line}
   esv: {column: TRIP, shutdown: [1, "> 0.5", AUS], latch: true}
   tank_pressure: {column: p, range: [4, 20], to: [0, 100], unit: bar}
   spool_position: {field: "/joint_states.position[spool]", range: [0, 0.015], sign: -1}
   servomotor_position: {column: y, scale: 2, offset: -0.5}
-  pilot_valve_position: "u [V]"
+  pilot_valve_position: {column: "u [V]", time: t2, quality: "u.Quality", good: ["192", Good]}
   control_pressure: {constant: 33, unit: bar}
 "#;
         let read =

@@ -48,12 +48,32 @@ pub(in crate::import) struct SourceChannel {
     pub(in crate::import) signal: usize,
     pub(in crate::import) map: SignalMap,
     latched: bool,
+    /// A trip is to stay; where a source puts rows in order, it takes care of that itself.
+    pub(in crate::import) latches: bool,
+    keeps_latch: bool,
     pub(in crate::import) bad: Bad,
+    /// Currents by which a transmitter says that it is broken.
+    pub(in crate::import) broken: Bad,
 }
+
+/// What a transmitter of 4 to 20 mA gives while it is sound (NAMUR NE 43), mA.
+const SOUND_MA: std::ops::RangeInclusive<f64> = 3.6..=21.0;
 
 impl SourceChannel {
     pub(in crate::import) fn new(signal: usize, map: &SignalMap) -> Self {
-        Self { signal, map: map.clone(), latched: false, bad: Bad::default() }
+        let (bad, broken) = (Bad::default(), Bad::default());
+        Self { signal, map: map.clone(), latched: false, latches: map.latch, keeps_latch: map.latch, bad, broken }
+    }
+
+    /// The same for a source that sees to it itself that a trip stays.
+    pub(in crate::import) fn without_latch(signal: usize, map: &SignalMap) -> Self {
+        Self { keeps_latch: false, ..Self::new(signal, map) }
+    }
+
+    /// Whether its values are the current of a transmitter.
+    fn is_current(&self) -> bool {
+        let ends = self.map.conversion.range.map(|[low, high]| [low.min(high), low.max(high)]);
+        ends == Some([4.0, 20.0])
     }
 
     /// Whether a trip was seen that is to stay.
@@ -63,7 +83,7 @@ impl SourceChannel {
 
     /// Goes on with a trip that was seen before, where trips are to stay.
     pub(in crate::import) fn latch(&mut self) {
-        self.latched |= self.map.latch;
+        self.latched |= self.keeps_latch;
     }
 
     /// Puts a value into a row.
@@ -78,11 +98,14 @@ impl SourceChannel {
         }
         if self.map.target == Target::Esv {
             let tripped = self.map.shutdown.iter().any(|event| happens(event, value));
-            self.latched |= tripped && self.map.latch;
+            self.latched |= tripped && self.keeps_latch;
             row.set(Target::Esv, if tripped || self.latched { 0.0 } else { 1.0 });
             return;
         }
         match value {
+            ChannelValue::Number(raw) if self.is_current() && raw.is_finite() && !SOUND_MA.contains(&raw) => {
+                self.broken.note(place, &raw.to_string());
+            }
             ChannelValue::Number(raw) if raw.is_finite() => row.set(self.map.target, self.map.conversion.apply(raw)),
             ChannelValue::Number(raw) => self.bad.note(place, &raw.to_string()),
             ChannelValue::Text(text) => self.bad.note(place, text),

@@ -4,19 +4,26 @@ use std::collections::VecDeque;
 
 use super::channel::{Bad, ChannelValue, SourceChannel};
 use super::head::{TableHead, hint, with_header_unit};
+use super::order::{MOST_SORTED, RowOrder, Steps, sort};
+use super::quality::{Quality, QualityLook, column_of, column_of_lines};
 use super::records::TableRecords;
-use super::timing::{read_time, timing};
+use super::timing::{TimeGroup, Timing, own_times, timing};
 use super::{Source, SourceNotes};
 use crate::import::ImportError;
-use crate::import::clock::TimeReader;
-use crate::import::map::{Map, Repeated, SignalPlace, TimeMap};
-use crate::import::row::ImportedRow;
-use govtwin_model::units::nanos_from_seconds;
+use crate::import::map::{Map, Repeated, SignalMap, SignalPlace, TimeMap};
+use crate::import::row::{ImportedRow, Target};
+use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// A signal and its column.
 struct SignalColumn {
     index: usize,
+    /// The column of time that counts for it, by its place among those of the table.
+    group: usize,
     channel: SourceChannel,
+    /// The column that says whether its values are good.
+    quality: Option<(usize, Quality)>,
+    /// Values that were left out because of it.
+    not_good: u64,
 }
 
 /// Where the tags and values of a long table stand.
@@ -31,15 +38,23 @@ pub(in crate::import) struct TableSource<R> {
     records: R,
     columns: Vec<SignalColumn>,
     long: Option<Long>,
-    time: Vec<usize>,
-    clock: TimeReader,
-    /// The file itself says how its times count.
-    native: bool,
+    /// Columns of time, the one that counts where no other does first.
+    times: Vec<TimeGroup>,
+    /// The times of the present record.
+    now_ns: Vec<Option<i64>>,
     rate_hz: Option<f64>,
     repeated: Repeated,
     rows: u64,
     bad_times: Bad,
     first_bad_time: String,
+    /// All rows in the order of time, where the file has another.
+    sorted: Option<std::vec::IntoIter<ImportedRow>>,
+    rises: bool,
+    order: RowOrder,
+    /// A trip that is to stay was seen.
+    latched: bool,
+    /// Rows of the present record that are still to be handed on.
+    of_record: VecDeque<ImportedRow>,
     /// Rows of one time that wait for the next, and the last step between two times, ns.
     waiting: VecDeque<ImportedRow>,
     ready: VecDeque<ImportedRow>,
@@ -63,70 +78,173 @@ impl<R: TableRecords> TableSource<R> {
             (Some(tag), Some(value)) => Some(Long { tag: find(tag)?, value: find(value)? }),
             _ => None,
         };
-        let timing = timing(&head, map, &open)?;
+        let Timing { group, note } = timing(&head, map, &open)?;
+        let mut times = vec![group];
+        if long.is_none() && map.time.rate_hz.is_none() {
+            times.extend(own_times(&head, map, &times[0], &open)?);
+        }
         let mut warnings = vec![];
         let mut columns = vec![];
         for (signal, one) in map.signals.iter().enumerate() {
             let SignalPlace::Column(name) = &one.from else { continue };
+            // Trips that stay are those of the rows in the order of time.
+            let channel = |one: &SignalMap| SourceChannel::without_latch(signal, one);
             if long.is_some() {
-                columns.push(SignalColumn { index: usize::MAX, channel: SourceChannel::new(signal, one) });
+                columns.push(SignalColumn {
+                    index: usize::MAX,
+                    group: 0,
+                    channel: channel(one),
+                    quality: None,
+                    not_good: 0,
+                });
             } else if let Some(index) = head.find(name).map_err(wrong)? {
                 let stated = head.units.get(index).map_or("", String::as_str);
                 let one = with_header_unit(one, stated, &mut head.notes, &mut warnings);
-                columns.push(SignalColumn { index, channel: SourceChannel::new(signal, &one) });
+                let group = times.iter().rposition(|group| group.is_of(index)).unwrap_or(0);
+                columns.push(SignalColumn { index, group, channel: channel(&one), quality: None, not_good: 0 });
             }
         }
-        if !timing.note.is_empty() {
-            head.notes.push(timing.note);
+        if !note.is_empty() {
+            head.notes.push(note);
         }
-        Ok(Self {
+        let now_ns = vec![None; times.len()];
+        let mut table = Self {
             head,
             records: open()?,
             columns,
             long,
-            time: timing.columns,
-            clock: timing.clock,
-            native: timing.native,
+            times,
+            now_ns,
             rate_hz: map.time.rate_hz,
             repeated: map.time.repeated,
             rows: 0,
             bad_times: Bad::default(),
             first_bad_time: String::new(),
+            sorted: None,
+            rises: true,
+            order: RowOrder::default(),
+            latched: false,
+            of_record: VecDeque::new(),
             waiting: VecDeque::new(),
             ready: VecDeque::new(),
             last_step_ns: 0,
             spread: 0,
             warnings,
-        })
+        };
+        if !table.columns.is_empty() {
+            table.look_through(map, open()?)?;
+        }
+        Ok(table)
+    }
+
+    /// Looks at all times and qualities before the first row is handed on.
+    fn look_through(&mut self, map: &Map, mut records: R) -> Result<(), ImportError> {
+        let mut looks = vec![];
+        for (place, column) in self.columns.iter().enumerate() {
+            if let Some(index) = self.quality_column(map, column)? {
+                looks.push((place, index, QualityLook::default()));
+            }
+        }
+        let mut clock = self.times[0].clone();
+        let mut steps = Steps::default();
+        let timed = self.rate_hz.is_none() && self.times.len() == 1;
+        while (timed || !looks.is_empty()) && records.advance()? {
+            if timed && let Some(Ok(time_ns)) = clock.read(&records) {
+                steps.take(time_ns);
+            }
+            for (_, index, look) in &mut looks {
+                look.take(quality_cell(&records, *index));
+            }
+        }
+        // Columns with times of their own do not go on together.
+        self.rises = steps.rises() && self.times.len() == 1;
+        for (place, index, look) in looks {
+            let column = &mut self.columns[place];
+            let (name, id) = (&self.head.names[index], column.channel.map.target.id());
+            if !column.channel.map.good.is_empty() {
+                column.quality = Some((index, Quality::Listed(column.channel.map.good.clone())));
+                continue;
+            }
+            match look.quality(name) {
+                Ok(quality) => column.quality = quality.map(|quality| (index, quality)),
+                Err(found) => self.warnings.push(format!(
+                    "{id}: column `{name}` may say which of its values are good, and holds {found}; say which with `quality: \"{name}\", \
+                     good: […]` in the signal, or `quality: none`; all values are taken"
+                )),
+            }
+        }
+        Ok(())
+    }
+
+    /// The column that says whether the values of a signal are good.
+    fn quality_column(&self, map: &Map, column: &SignalColumn) -> Result<Option<usize>, ImportError> {
+        let names = &self.head.names;
+        match column.channel.map.quality.as_deref() {
+            Some("none") => Ok(None),
+            Some(name) => {
+                let found = self.head.find(name).map_err(|problem| ImportError::file(&self.head.path, problem))?;
+                found.map(Some).ok_or_else(|| ImportError::file(&self.head.path, self.head.absent(name)))
+            }
+            None => Ok(match &self.long {
+                Some(long) => {
+                    let taken: Vec<usize> =
+                        self.times[0].columns.iter().copied().chain([long.tag, long.value]).collect();
+                    column_of_lines(names, &taken)
+                }
+                // What is mapped as a signal is no quality of another.
+                None => column_of(names, column.index).filter(|index| {
+                    let mapped = |signal: &SignalMap| signal.place() == Some(names[*index].as_str());
+                    !map.signals.iter().any(mapped)
+                }),
+            }),
+        }
     }
 
     /// The columns of time, and what a map says of it so that nothing is left to be found out.
     pub(in crate::import) fn time(&self, map: &Map) -> (Vec<usize>, TimeMap) {
-        let names = self.time.iter().map(|column| self.head.names[*column].clone()).collect();
-        let format = Some(self.clock.format().name().to_owned()).filter(|name| !name.is_empty() && !self.native);
-        (self.time.clone(), TimeMap { columns: names, format, ..map.time.clone() })
+        let main = &self.times[0];
+        let all = self.times.iter().flat_map(|group| group.columns.iter().copied()).collect();
+        // Of columns with one name the number tells which.
+        let name = |column: &usize| {
+            let name = &self.head.names[*column];
+            let alone = self.head.names.iter().filter(|other| *other == name).count() == 1;
+            if alone { name.clone() } else { format!("#{}", column + 1) }
+        };
+        let format = Some(main.clock.format().name().to_owned()).filter(|name| !name.is_empty() && !main.native);
+        (all, TimeMap { columns: main.columns.iter().map(name).collect(), format, ..map.time.clone() })
+    }
+
+    /// The column of time of a column, by its number from 1, where that is another than the one of the map.
+    pub(in crate::import) fn own_time_of(&self, column: usize) -> Option<usize> {
+        let group = self.times.iter().rposition(|group| group.is_of(column)).filter(|group| *group > 0)?;
+        self.times[group].columns.first().map(|index| index + 1)
     }
 
     /// Goes on to the next record that has a time, and gives it, ns.
     pub(in crate::import) fn advance(&mut self) -> Result<Option<i64>, ImportError> {
         while self.records.advance()? {
-            let place = self.records.place();
-            let time = match self.rate_hz {
-                Some(rate_hz) => Ok(nanos_from_seconds(self.rows as f64 / rate_hz)),
-                None => read_time(&self.records, &self.time, &mut self.clock),
-            };
-            let time_ns = match time {
-                Ok(time_ns) => time_ns,
-                Err(problem) => {
-                    if self.bad_times.first.is_none() {
-                        self.first_bad_time.clone_from(&problem);
+            if let Some(rate_hz) = self.rate_hz {
+                let time_ns = nanos_from_seconds(self.rows as f64 / rate_hz);
+                (self.now_ns[0], self.rows) = (Some(time_ns), self.rows + 1);
+                return Ok(Some(time_ns));
+            }
+            for (group, now_ns) in self.times.iter_mut().zip(&mut self.now_ns) {
+                *now_ns = match group.read(&self.records) {
+                    Some(Ok(time_ns)) => Some(time_ns),
+                    Some(Err(problem)) => {
+                        if self.bad_times.first.is_none() {
+                            self.first_bad_time.clone_from(&problem);
+                        }
+                        self.bad_times.note(self.records.place(), &problem);
+                        None
                     }
-                    self.bad_times.note(place, &problem);
-                    continue;
-                }
-            };
-            self.rows += 1;
-            return Ok(Some(time_ns));
+                    None => None,
+                };
+            }
+            if let Some(time_ns) = self.now_ns.iter().flatten().next() {
+                self.rows += 1;
+                return Ok(Some(*time_ns));
+            }
         }
         if self.rows == 0 {
             return Err(self.nothing());
@@ -134,36 +252,93 @@ impl<R: TableRecords> TableSource<R> {
         Ok(None)
     }
 
+    /// The time of a column in the present record, ns.
+    pub(in crate::import) fn time_of(&self, column: usize) -> Option<i64> {
+        let group = self.times.iter().rposition(|group| group.is_of(column)).unwrap_or(0);
+        self.now_ns.get(group).copied().flatten()
+    }
+
     /// What stands in a column of the present record.
     pub(in crate::import) fn value(&self, column: usize) -> ChannelValue<'_> {
         self.records.value(column)
     }
 
-    /// The next record that has a time, as a row.
+    /// The next record that has a time, as a row; what it holds of other times waits.
     fn record(&mut self) -> Result<Option<ImportedRow>, ImportError> {
-        while let Some(time_ns) = self.advance()? {
+        loop {
+            if let Some(row) = self.of_record.pop_front() {
+                return Ok(Some(row));
+            }
+            if self.advance()?.is_none() {
+                return Ok(None);
+            }
             let place = self.records.place();
-            let mut row = ImportedRow::at(time_ns);
-            match &self.long {
-                Some(long) => {
-                    let ChannelValue::Text(tag) = self.records.value(long.tag) else { continue };
-                    let tag = tag.trim();
-                    for column in self.columns.iter_mut().filter(|column| column.channel.map.place() == Some(tag)) {
-                        column.channel.take(self.records.value(long.value), place, &mut row);
-                    }
-                    if row.is_empty() {
-                        continue;
+            let tag = match &self.long {
+                Some(long) => match self.records.value(long.tag) {
+                    ChannelValue::Text(tag) => Some((tag.trim(), long.value)),
+                    _ => continue,
+                },
+                None => None,
+            };
+            for (group, now_ns) in self.now_ns.iter().enumerate() {
+                let Some(time_ns) = now_ns else { continue };
+                let mut row = ImportedRow::at(*time_ns);
+                for column in self.columns.iter_mut().filter(|column| column.group == group) {
+                    let index = match tag {
+                        Some((tag, value)) if column.channel.map.place() == Some(tag) => value,
+                        Some(_) => continue,
+                        None => column.index,
+                    };
+                    let value = self.records.value(index);
+                    let good = column
+                        .quality
+                        .as_ref()
+                        .is_none_or(|(at, quality)| quality.is_good(quality_cell(&self.records, *at)));
+                    if good {
+                        column.channel.take(value, place, &mut row);
+                    } else {
+                        column.not_good += u64::from(value != ChannelValue::Missing);
                     }
                 }
-                None => {
-                    for column in &mut self.columns {
-                        column.channel.take(self.records.value(column.index), place, &mut row);
-                    }
+                if tag.is_none() && self.now_ns.len() == 1 || !row.is_empty() {
+                    self.of_record.push_back(row);
                 }
             }
-            return Ok(Some(row));
         }
-        Ok(None)
+    }
+
+    /// The next row in the order of time.
+    fn in_order(&mut self) -> Result<Option<ImportedRow>, ImportError> {
+        if self.rises {
+            return Ok(self.record()?.map(|row| self.latch(row)));
+        }
+        if self.sorted.is_none() {
+            let mut rows = vec![];
+            while let Some(row) = self.record()? {
+                rows.push(row);
+                if rows.len() > MOST_SORTED {
+                    let problem = format!(
+                        "is not in the order of time, and has more than {MOST_SORTED} rows; sort it by time first, or split it"
+                    );
+                    return Err(ImportError::file(&self.head.path, problem));
+                }
+            }
+            self.order = sort(&mut rows).map_err(|problem| ImportError::file(&self.head.path, problem))?;
+            self.sorted = Some(rows.into_iter());
+        }
+        let row = self.sorted.as_mut().and_then(Iterator::next);
+        Ok(row.map(|row| self.latch(row)))
+    }
+
+    /// A row with a trip that stays, where the map says so.
+    fn latch(&mut self, mut row: ImportedRow) -> ImportedRow {
+        if self.columns.iter().any(|column| column.channel.latches) {
+            self.latched |= row.value(Target::Esv) == Some(0.0);
+            if self.latched && row.value(Target::Esv).is_some() {
+                row.set(Target::Esv, 0.0);
+            }
+        }
+        row
     }
 
     fn nothing(&self) -> ImportError {
@@ -189,16 +364,25 @@ impl<R: TableRecords> TableSource<R> {
     }
 }
 
+/// What stands in a column of qualities, where `Bad` is a word and no missing number.
+fn quality_cell<R: TableRecords>(records: &R, column: usize) -> ChannelValue<'_> {
+    let text = records.text_of(column).map(str::trim).filter(|text| !text.is_empty());
+    match (records.value(column), text) {
+        (ChannelValue::Missing, Some(text)) => ChannelValue::Text(text),
+        (value, _) => value,
+    }
+}
+
 impl<R: TableRecords> Source for TableSource<R> {
     fn next(&mut self) -> Result<Option<ImportedRow>, ImportError> {
         if self.repeated == Repeated::Keep {
-            return self.record();
+            return self.in_order();
         }
         loop {
             if let Some(row) = self.ready.pop_front() {
                 return Ok(Some(row));
             }
-            match self.record()? {
+            match self.in_order()? {
                 Some(row) => {
                     if self.waiting.front().is_some_and(|first| first.time_ns != row.time_ns) {
                         self.release(Some(row.time_ns));
@@ -222,6 +406,23 @@ impl<R: TableRecords> Source for TableSource<R> {
     fn said(&self) -> SourceNotes {
         let path = self.head.path.display();
         let mut said = SourceNotes { notes: self.head.notes.clone(), warnings: self.warnings.clone() };
+        if self.order.newest_first {
+            said.notes.push("its newest row stands first; rows are put in the order of time".to_owned());
+        }
+        if self.order.jumps > 0 {
+            said.notes.push(format!(
+                "time goes back {} times, each time to where there are no other rows; rows are put in the order of time",
+                self.order.jumps
+            ));
+        }
+        if self.order.late > 0 {
+            said.warnings.push(format!(
+                "time goes back {} times, by up to {:.3} s, to where there are rows already; rows are put in the order of time, and of two values \
+                 for one time the later one counts",
+                self.order.late,
+                seconds_from_nanos(self.order.most_late_ns)
+            ));
+        }
         for one in said.notes.iter_mut().chain(&mut said.warnings) {
             *one = format!("{path}: {one}");
         }
@@ -235,22 +436,40 @@ impl<R: TableRecords> Source for TableSource<R> {
                 .push(format!("{path}:{line}: {count} lines left out that have too few cells, the first `{text}`"));
         }
         for column in &self.columns {
+            let (id, place) = (column.channel.map.target.id(), column.channel.map.place().unwrap_or_default());
             if let Some((line, text)) = &column.channel.bad.first {
-                let (count, id) = (column.channel.bad.count, column.channel.map.target.id());
-                let place = column.channel.map.place().unwrap_or_default();
+                let count = column.channel.bad.count;
                 let hint = hint(text, &self.head.numbers);
                 said.warnings.push(format!(
                     "{path}:{line}: {id} (`{place}`): {count} cells are no numbers, the first `{text}`{hint}"
                 ));
             }
+            if let Some((line, text)) = &column.channel.broken.first {
+                let count = column.channel.broken.count;
+                said.warnings.push(format!(
+                    "{path}:{line}: {id} (`{place}`): {count} values left out outside of 3.6 to 21 mA, by which a transmitter of 4 to 20 mA \
+                     says that it is broken (NAMUR NE 43), the first {text} mA"
+                ));
+            }
+            if let Some((index, _)) = column.quality.as_ref().filter(|_| column.not_good > 0) {
+                said.notes.push(format!(
+                    "{path}: {id} (`{place}`): {} values left out that `{}` does not call good",
+                    column.not_good, self.head.names[*index]
+                ));
+            }
         }
-        if self.clock.folded > 0 {
+        let clocks = || self.times.iter().map(|group| &group.clock);
+        let folded: u64 = clocks().map(|clock| clock.folded).sum();
+        if folded > 0 {
             said.warnings.push(format!(
-                "{path}: {} times lie in the hour that the end of summer time repeats; each is taken as the first that goes on",
-                self.clock.folded
+                "{path}: {folded} times lie in the hour that the end of summer time repeats; each is taken as the first that goes on"
             ));
         }
-        if self.clock.used_zone && !self.clock.has_zone {
+        let wraps: u64 = clocks().map(|clock| clock.wraps).sum();
+        if wraps > 0 {
+            said.notes.push(format!("{path}: the counter of time begins anew {wraps} times at its end; time goes on"));
+        }
+        if clocks().any(|clock| clock.used_zone && !clock.has_zone) {
             let zone = "local times without a zone are taken as UTC; give `time: {zone: Europe/Zurich}` in the map if they are not";
             said.warnings.push(format!("{path}: {zone}"));
         }

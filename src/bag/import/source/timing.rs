@@ -5,15 +5,53 @@ use super::head::TableHead;
 use super::records::{SAMPLED, TableRecords};
 use crate::import::ImportError;
 use crate::import::clock::{Format, TimeReader, detect};
-use crate::import::map::Map;
+use crate::import::dialect::bracketed;
+use crate::import::map::{Map, SignalPlace};
 use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
-/// What time columns, format and zone a table has.
-pub(super) struct Timing {
+/// Columns that hold the time of others.
+#[derive(Clone, Debug)]
+pub(super) struct TimeGroup {
+    /// The columns of the time: one, or date and time of day.
     pub(super) columns: Vec<usize>,
     pub(super) clock: TimeReader,
-    pub(super) note: String,
+    /// The file itself says how its times count.
     pub(super) native: bool,
+    of: TimeOf,
+}
+
+/// Columns that a time counts for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum TimeOf {
+    /// All that have no other.
+    All,
+    /// Those from one on, and before another: pairs of time and value side by side.
+    Range(std::ops::Range<usize>),
+    /// One that a map names.
+    Column(usize),
+}
+
+impl TimeGroup {
+    /// Whether the time counts for a column.
+    pub(super) fn is_of(&self, column: usize) -> bool {
+        match &self.of {
+            TimeOf::All => true,
+            TimeOf::Range(columns) => columns.contains(&column),
+            TimeOf::Column(index) => *index == column,
+        }
+    }
+
+    /// The time of a record, ns since 1970; nothing where a time that counts for some columns alone is blank.
+    pub(super) fn read<R: TableRecords>(&mut self, records: &R) -> Option<Result<i64, String>> {
+        let blank = self.of != TimeOf::All && time_text(records, &self.columns).trim().is_empty();
+        (!blank).then(|| read_time(records, &self.columns, &mut self.clock))
+    }
+}
+
+/// The time of a table, and how it was found.
+pub(super) struct Timing {
+    pub(super) group: TimeGroup,
+    pub(super) note: String,
 }
 
 /// Finds the columns of time and how it is written.
@@ -24,13 +62,14 @@ pub(super) fn timing<R: TableRecords>(
 ) -> Result<Timing, ImportError> {
     let path = &head.path;
     let wrong = |problem: String| ImportError::file(path, problem);
-    let clock = |format: Format| TimeReader::new(format, &map.time, &head.numbers).map_err(wrong);
     if let Some(rate_hz) = map.time.rate_hz {
         let note = format!(
             "no time column: rows are {} s apart, as the map says",
             seconds_from_nanos(nanos_from_seconds(1.0 / rate_hz))
         );
-        return Ok(Timing { columns: vec![], clock: clock(Format::Relative { unit_ns: 1 })?, note, native: true });
+        let format = Format::Relative { unit_ns: 1 };
+        let clock = TimeReader::new(format, &map.time, &head.numbers).map_err(wrong)?;
+        return Ok(Timing { group: TimeGroup { columns: vec![], clock, native: true, of: TimeOf::All }, note });
     }
     let mut columns = vec![];
     let mut note = String::new();
@@ -53,19 +92,37 @@ pub(super) fn timing<R: TableRecords>(
         let why = if head.time_columns().is_empty() { ", which rises from line to line" } else { "" };
         note = format!("time is column `{}`{why}", head.names[*first]);
     }
+    written(head, map, open, columns, TimeOf::All, note)
+}
+
+/// How the times in some columns are written.
+fn written<R: TableRecords>(
+    head: &TableHead,
+    map: &Map,
+    open: &impl Fn() -> Result<R, ImportError>,
+    columns: Vec<usize>,
+    of: TimeOf,
+    note: String,
+) -> Result<Timing, ImportError> {
+    let wrong = |problem: String| ImportError::file(&head.path, problem);
+    let clock = |format: Format| TimeReader::new(format, &map.time, &head.numbers).map_err(wrong);
     if let Some(text) = &map.time.format {
         let format = Format::of(text).map_err(|problem| wrong(format!("time.format: {problem}")))?;
-        return Ok(Timing { columns, clock: clock(format)?, note, native: false });
+        return Ok(Timing { group: TimeGroup { columns, clock: clock(format)?, native: false, of }, note });
     }
     let mut records = open()?;
     let mut texts = vec![];
     let mut native = false;
     while texts.len() < SAMPLED && records.advance()? {
         native |= matches!(records.value(columns[0]), ChannelValue::Time(_) | ChannelValue::Local(_));
-        texts.push(time_text(&records, &columns));
+        let text = time_text(&records, &columns);
+        if of == TimeOf::All || !text.trim().is_empty() {
+            texts.push(text);
+        }
     }
     if native {
-        return Ok(Timing { columns, clock: clock(Format::Epoch { unit_ns: 1 })?, note, native: true });
+        let clock = clock(Format::Epoch { unit_ns: 1, zero_s: 0 })?;
+        return Ok(Timing { group: TimeGroup { columns, clock, native: true, of }, note });
     }
     if texts.is_empty() {
         return Err(wrong("expected lines of data below the header, found none".into()));
@@ -73,12 +130,91 @@ pub(super) fn timing<R: TableRecords>(
     let (name, unit) = (&head.names[columns[0]], head.units.get(columns[0]).map_or("", String::as_str));
     let detected = detect(&texts, name, unit, &head.numbers).map_err(wrong)?;
     let known = if note.is_empty() { format!("time is column `{name}`") } else { note };
-    Ok(Timing {
-        columns,
-        clock: clock(detected.format.clone())?,
-        note: format!("{known}: {}", detected.why),
-        native: false,
-    })
+    let note = format!("{known}: {}", detected.why);
+    Ok(Timing { group: TimeGroup { columns, clock: clock(detected.format)?, native: false, of }, note })
+}
+
+/// Times that count for some columns alone: those that the map gives to signals, and in pairs of time and value side by side those of each pair.
+pub(super) fn own_times<R: TableRecords>(
+    head: &TableHead,
+    map: &Map,
+    main: &TimeGroup,
+    open: &impl Fn() -> Result<R, ImportError>,
+) -> Result<Vec<TimeGroup>, ImportError> {
+    let wrong = |problem: String| ImportError::file(&head.path, problem);
+    let mut found = vec![];
+    for pair in pairs(head, main, open)? {
+        let range = pair.end..pair.until;
+        let in_pair = |column: &Option<usize>| column.is_some_and(|column| range.contains(&column));
+        for signal in map.signals.iter().filter(|signal| signal.time.is_none() && !map.time.columns.is_empty()) {
+            let SignalPlace::Column(name) = &signal.from else { continue };
+            if in_pair(&head.find(name).map_err(wrong)?) {
+                let (id, first) = (signal.target.id(), pair.columns[0] + 1);
+                return Err(wrong(format!(
+                    "{id}: column `{name}` stands behind column {first} of times, which differ from those of the map's `time.column`; give \
+                     `time: \"#{first}\"` in the signal, or leave `time.column` out, so that each column takes the times before it"
+                )));
+            }
+        }
+        let Timing { group, .. } = written(head, map, open, pair.columns.clone(), TimeOf::Range(range), String::new())?;
+        found.push(group);
+    }
+    for signal in &map.signals {
+        let (Some(time), SignalPlace::Column(name)) = (&signal.time, &signal.from) else { continue };
+        let place = |name: &str| head.find(name).map_err(wrong)?.ok_or_else(|| wrong(head.absent(name)));
+        let (time, column) = (place(time)?, place(name)?);
+        let Timing { group, .. } = written(head, map, open, vec![time], TimeOf::Column(column), String::new())?;
+        found.push(group);
+    }
+    Ok(found)
+}
+
+/// A column of times in pairs of time and value side by side, and where the columns end for which it counts.
+struct Pair {
+    columns: Vec<usize>,
+    end: usize,
+    until: usize,
+}
+
+/// Further columns of times, of the same name as the first, whose times are others.
+fn pairs<R: TableRecords>(
+    head: &TableHead,
+    main: &TimeGroup,
+    open: &impl Fn() -> Result<R, ImportError>,
+) -> Result<Vec<Pair>, ImportError> {
+    let bare = |column: usize| {
+        let name = head.names[column].trim();
+        bracketed(name).map_or(name, |(bare, _)| bare).trim().to_lowercase()
+    };
+    let Some(first) = main.columns.first().copied() else { return Ok(vec![]) };
+    let begins: Vec<usize> = (0..head.names.len()).filter(|column| bare(*column) == bare(first)).collect();
+    let width = main.columns.len();
+    let mut pairs = vec![];
+    for (place, begin) in begins.iter().enumerate().filter(|(_, begin)| **begin != first) {
+        let columns: Vec<usize> = (*begin..(begin + width).min(head.names.len())).collect();
+        let until = begins.get(place + 1).copied().unwrap_or(head.names.len());
+        let alike = columns.iter().zip(&main.columns).all(|(column, of_main)| bare(*column) == bare(*of_main));
+        if alike && columns.len() == width && begin + width < until {
+            pairs.push(Pair { columns, end: begin + width, until });
+        }
+    }
+    if pairs.is_empty() {
+        return Ok(pairs);
+    }
+    // The same times again are an export that repeats them.
+    let mut differ = vec![false; pairs.len()];
+    let mut records = open()?;
+    let mut count = 0;
+    while count < SAMPLED && records.advance()? {
+        count += 1;
+        let of_main = time_text(&records, &main.columns);
+        for (pair, differ) in pairs.iter().zip(&mut differ) {
+            *differ |= time_text(&records, &pair.columns) != of_main;
+        }
+    }
+    let mut differ = differ.into_iter();
+    pairs.retain(|_| differ.next() == Some(true));
+    Ok(pairs)
 }
 
 /// Whether the first column holds numbers that rise from record to record.
@@ -116,11 +252,7 @@ fn time_text<R: TableRecords>(records: &R, columns: &[usize]) -> String {
 const FARTHEST_NS: i64 = 1 << 62;
 
 /// The time of a record, ns since 1970.
-pub(super) fn read_time<R: TableRecords>(
-    records: &R,
-    columns: &[usize],
-    clock: &mut TimeReader,
-) -> Result<i64, String> {
+fn read_time<R: TableRecords>(records: &R, columns: &[usize], clock: &mut TimeReader) -> Result<i64, String> {
     let time_ns = any_time(records, columns, clock)?;
     let is_near = (-FARTHEST_NS..=FARTHEST_NS).contains(&time_ns);
     is_near.then_some(time_ns).ok_or_else(|| "expected a time between 1824 and 2116, found one beyond".to_owned())

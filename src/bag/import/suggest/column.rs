@@ -168,8 +168,14 @@ impl SuggestedColumn {
             ChannelValue::Whole(whole) => whole as f64,
             ChannelValue::Text(text) => {
                 self.texts += 1;
-                if self.words.len() < MOST_DISTINCT && !self.words.iter().any(|word| word == text.trim()) {
+                let known = self.words.iter().position(|word| word == text.trim());
+                if known.is_none() && self.words.len() < MOST_DISTINCT {
                     self.words.push(text.trim().chars().take(40).collect());
+                }
+                let state = known.unwrap_or(self.words.len().saturating_sub(1));
+                // States by their numbers; beside numbers, words are none.
+                if self.range.count == 0 {
+                    self.envelope.take(time_ns, state as f64);
                 }
                 return;
             }

@@ -33,6 +33,7 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
         Target::Esv,
         &[
             ("esv", 5.0),
+            ("esd", 5.0),
             ("trip", 4.0),
             ("emergency", 4.0),
             ("shutdown", 3.0),
@@ -211,6 +212,25 @@ fn score_of(target: Target, has: &dyn Fn(&str) -> bool) -> f64 {
     words.filter(|(word, _)| has(word)).map(|(_, weight)| *weight).fold(0.0, f64::max)
 }
 
+/// Words of names that say which figure of a signal a column holds, or how it was taken.
+const FIGURES: [&str; 22] = [
+    "min", "max", "avg", "mean", "std", "raw", "filt", "filtered", "value", "val", "pv", "quality", "status", "valid",
+    "time", "date", "x", "y", "z", "t", "u", "p",
+];
+
+/// Whether a word says something of a signal, so that it tells no machine from another.
+pub(super) fn is_known(word: &str) -> bool {
+    let of_signal = WORDS.iter().flat_map(|(_, words)| words.iter()).any(|(known, _)| {
+        // `86` is a relay, and a number all the same.
+        !known.starts_with(|letter: char| letter.is_ascii_digit()) && (known.split('_').any(|part| part == word))
+    });
+    of_signal
+        || OTHERS.contains(&word)
+        || PRESSURES.contains(&word)
+        || FIGURES.contains(&word)
+        || !at_end_of_name(word).is_empty()
+}
+
 /// The unit that a name ends with, as `spool_pct` does; empty where it does not.
 pub(super) fn unit(name: &str) -> &'static str {
     let words = words(name);
@@ -218,7 +238,7 @@ pub(super) fn unit(name: &str) -> &'static str {
 }
 
 /// The words of a name in lower case: parted at signs, at capitals after small letters, and digits from letters.
-fn words(name: &str) -> Vec<String> {
+pub(super) fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
     for letter in name.replace('ß', "ss").chars() {

@@ -1,6 +1,8 @@
 //! The line of a map for a column: unit, range, sign and states as the file shows them, with what its reader must settle.
 
 use super::column::SuggestedColumn;
+use super::names::words;
+use super::trip::running_states;
 use crate::import::convert::{pressure, share};
 use crate::import::map::{SignalMap, SignalPlace, TripRule};
 use crate::import::row::Target;
@@ -20,6 +22,7 @@ pub(super) fn signal(
     column: &SuggestedColumn,
     fields: bool,
     turned: bool,
+    servomotor: Option<&SuggestedColumn>,
     open: &mut Vec<String>,
 ) -> SignalMap {
     let mut signal = SignalMap::of_column(target, &column.name);
@@ -30,9 +33,12 @@ pub(super) fn signal(
     let id = target.id();
     match target {
         Target::Esv => {
-            let (state, told) = trip_state(column);
-            signal.shutdown = vec![TripRule::Is(state)];
-            open.push(told);
+            let by_data = servomotor.and_then(|servomotor| trip_by_data(column, servomotor));
+            signal.shutdown = vec![TripRule::Is(by_data.unwrap_or_else(|| {
+                let (state, told) = trip_state(column);
+                open.push(told);
+                state
+            }))];
         }
         Target::TankPressure | Target::ControlPressure => {
             if pressure(&column.unit).is_some() {
@@ -89,21 +95,68 @@ pub(super) fn signal(
     signal
 }
 
-/// The state that means a trip, and what to say of the choice.
+/// The state that means a trip, where the servomotor shows it: it runs in the other.
+fn trip_by_data(column: &SuggestedColumn, servomotor: &SuggestedColumn) -> Option<String> {
+    let running = running_states(column, servomotor);
+    let [normal] = running[..] else { return None };
+    if column.range.count == 0 {
+        let words = &column.words;
+        let other = (0..words.len()).find(|k| *k as f64 != normal);
+        // A column of words that never trips does not say what a trip is called.
+        return match words.len() {
+            1 => Some("TRIP".to_owned()),
+            2 => other.and_then(|other| words.get(other)).cloned(),
+            _ => None,
+        };
+    }
+    match column.distinct[..] {
+        [one] if one == normal => Some(if normal == 0.0 { "1".to_owned() } else { "0".to_owned() }),
+        [one, other] => Some(if one == normal { other } else { one }.to_string()),
+        _ => None,
+    }
+}
+
+/// Words of names by which the greater of two states is a trip.
+const TRIPS: [&str; 16] = [
+    "trip",
+    "tripped",
+    "closed",
+    "shutdown",
+    "emergency",
+    "esd",
+    "alarm",
+    "active",
+    "notschluss",
+    "schnellschluss",
+    "notaus",
+    "aus",
+    "stop",
+    "urgence",
+    "disparo",
+    "86",
+];
+/// And by which it is none, whatever else a name says.
+const RUNS: [&str; 9] = ["energised", "energized", "normal", "healthy", "ok", "open", "opened", "reset", "running"];
+
+/// The state that means a trip by names and words alone, and what to say of the choice.
 fn trip_state(column: &SuggestedColumn) -> (String, String) {
     let bad = ["trip", "tripped", "aus", "shutdown", "alarm", "true", "on", "active", "1"];
     if let Some(word) = column.words.iter().find(|word| bad.contains(&word.to_lowercase().as_str())) {
         return (word.clone(), format!("esv: `{word}` is taken as shutdown"));
     }
-    let lower = column.name.to_lowercase();
+    let words = words(&column.name);
+    let says = |known: &[&str]| words.iter().any(|word| known.contains(&word.as_str()));
     // This project's own message says 1 for normal; so does a valve that is held by its coil.
-    let valve = lower.contains("esv") || lower.contains("valve") || lower.contains("normal");
+    let lowest = says(&RUNS) || (!says(&TRIPS) && says(&["esv", "valve", "solenoid"]));
     let [least, most] = column.range.ends();
-    let state = if valve { least.min(0.0) } else { most.max(1.0) };
-    let other = if valve { "0" } else { "the greater value" };
+    let state = if lowest { least.min(0.0) } else { most.max(1.0) };
+    let other = if lowest { "0" } else { "the greater value" };
     (
         state.to_string(),
-        format!("esv: {other} ({state}) is taken as shutdown; turn it round if the column says the contrary"),
+        format!(
+            "esv: {other} ({state}) is taken as shutdown by the column's name; the servomotor does not show it; turn it round if the column says \
+             the contrary"
+        ),
     )
 }
 

@@ -2,6 +2,7 @@
 
 use super::Suggestion;
 use super::column::SuggestedColumn;
+use super::machines::machines;
 use super::names::score;
 use super::propose::{guessed_pressure, rounded, signal};
 use crate::import::convert::{is_travel, pressure, share};
@@ -45,8 +46,61 @@ struct Relations {
 
 /// Proposes a map; `fields` says that columns are fields of messages.
 pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) -> Suggestion {
-    let own: Vec<[(f64, Vec<String>); Target::ALL.len()]> =
-        columns.iter().map(|column| Target::ALL.map(|target| evidence(column, target))).collect();
+    let own: Evidence = columns.iter().map(|column| Target::ALL.map(|target| evidence(column, target))).collect();
+    let machines = machines(columns.iter().map(|column| column.name.as_str()));
+    // Signals of one proposal are of one machine: of several, the one with most evidence.
+    let choices = (0..machines.words.len().max(1)).map(|machine| {
+        let choice = choose(&columns, &own, &|column| machines.may_be_of(column, machine));
+        (machine, choice.chosen.iter().flatten().map(|(_, sum, _)| sum).sum::<f64>(), choice)
+    });
+    let best = choices.reduce(|best, other| if other.1 > best.1 + TIE { other } else { best });
+    let Some((machine, _, Chosen { chosen, related, relations })) = best else { return Suggestion::default() };
+    let mut open = vec![];
+    if let Some(word) = machines.words.get(machine) {
+        let all: Vec<String> = machines.words.iter().map(|word| format!("`{word}`")).collect();
+        open.push(format!(
+            "machines: the file holds signals that {} in their names tell apart; the map takes those of `{word}` alone; for another, name its \
+             columns",
+            all.join(", ")
+        ));
+    }
+    let of = |target: Target| chosen[target.place()].as_ref().map(|(column, ..)| *column);
+    let servomotor = of(Target::ServomotorPosition).and_then(|column| columns.get(column));
+    let mut reasons = vec![];
+    for target in Target::ALL {
+        match &chosen[target.place()] {
+            Some((column, sum, why)) => {
+                let at = |wanted: usize| related.iter().position(|column| *column == wanted);
+                let drives = of(Target::ServomotorPosition)
+                    .and_then(|servomotor| Some(relations.drives[at(servomotor)?][at(*column)?]))
+                    .unwrap_or(0.0);
+                let turned = target == Target::SpoolPosition && drives < -WEAKEST;
+                let signal = signal(target, &columns[*column], fields, turned, servomotor, &mut open);
+                map.signals.push(signal);
+                reasons.push(Proposed { target, column: Some(*column), score: *sum, why: why.join(", ") });
+            }
+            None => absent(target, &chosen, &mut map, &mut reasons, &mut open),
+        }
+    }
+    open.extend(competing(&columns, &related, &relations, &chosen));
+    Suggestion { map, columns, reasons, notes: vec![], open, rows: 0 }
+}
+
+/// What speaks for each column as each signal.
+type Evidence = Vec<[(f64, Vec<String>); Target::ALL.len()]>;
+
+/// Less evidence more does not prefer one machine to the one that stands before it in the file.
+const TIE: f64 = 0.5;
+
+/// Columns chosen for the signals, and how columns hang together.
+struct Chosen {
+    chosen: Vec<Choice>,
+    related: Vec<usize>,
+    relations: Relations,
+}
+
+/// Chooses columns for the signals among those that are allowed.
+fn choose(columns: &[SuggestedColumn], own: &Evidence, allowed: &dyn Fn(usize) -> bool) -> Chosen {
     let score = |column: usize, target: Target| own[column][target.place()].0;
     let mut chosen: Vec<Choice> = vec![None; Target::ALL.len()];
     let trio = [Target::ServomotorPosition, Target::SpoolPosition, Target::OpeningCommand];
@@ -54,11 +108,11 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
     // A command may be one step.
     let steps = |column: usize| !columns[column].is_switch() && score(column, Target::OpeningCommand) >= ENOUGH;
     let mut related: Vec<usize> = (0..columns.len())
-        .filter(|&column| columns[column].moves() && (!columns[column].is_binary() || steps(column)))
+        .filter(|&column| allowed(column) && columns[column].moves() && (!columns[column].is_binary() || steps(column)))
         .collect();
     related.sort_by(|a, b| most(b).total_cmp(&most(a)));
     related.truncate(MOST_RELATED);
-    let relations = relations(&columns, &related);
+    let relations = relations(columns, &related);
     let best = best_trio(&related, &relations, &score);
     for (target, found) in trio.into_iter().zip(best) {
         let Some((at, sum, words)) = found else { continue };
@@ -68,33 +122,15 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
     }
     for target in [Target::TankPressure, Target::ControlPressure, Target::Esv, Target::PilotValvePosition] {
         let taken = |column: usize| chosen.iter().flatten().any(|(known, ..)| *known == column);
-        let free = (0..columns.len()).filter(|column| !taken(*column) && score(*column, target) >= ENOUGH);
+        let free =
+            (0..columns.len()).filter(|column| allowed(*column) && !taken(*column) && score(*column, target) >= ENOUGH);
         let found = free.max_by(|a, b| score(*a, target).total_cmp(&score(*b, target)).then(b.cmp(a)));
         chosen[target.place()] = found.map(|column| {
             let (sum, why) = own[column][target.place()].clone();
             (column, sum, why)
         });
     }
-    let mut open = vec![];
-    let mut reasons = vec![];
-    for target in Target::ALL {
-        match &chosen[target.place()] {
-            Some((column, sum, why)) => {
-                let at = |wanted: usize| related.iter().position(|column| *column == wanted);
-                let drives = chosen[Target::ServomotorPosition.place()]
-                    .as_ref()
-                    .and_then(|(servomotor, ..)| Some(relations.drives[at(*servomotor)?][at(*column)?]))
-                    .unwrap_or(0.0);
-                let turned = target == Target::SpoolPosition && drives < -WEAKEST;
-                let signal = signal(target, &columns[*column], fields, turned, &mut open);
-                map.signals.push(signal);
-                reasons.push(Proposed { target, column: Some(*column), score: *sum, why: why.join(", ") });
-            }
-            None => absent(target, &chosen, &mut map, &mut reasons, &mut open),
-        }
-    }
-    open.extend(competing(&columns, &related, &relations, &chosen));
-    Suggestion { map, columns, reasons, notes: vec![], open, rows: 0 }
+    Chosen { chosen, related, relations }
 }
 
 /// Columns that move with the spool as the chosen servomotor does: which of them is the piston only its reader knows.

@@ -1,0 +1,261 @@
+//! Columns that say of values whether they are good: OPC quality numbers and status codes, words, and flags.
+
+use super::channel::ChannelValue;
+
+/// Words of names that say that a column holds the quality of another.
+const QUALITY: [&str; 14] = [
+    "quality",
+    "qual",
+    "q",
+    "status",
+    "state",
+    "valid",
+    "validity",
+    "good",
+    "statuscode",
+    "qualitaet",
+    "qualität",
+    "gueltig",
+    "qualite",
+    "flag",
+];
+/// Words of names that stand for the value beside its quality.
+const VALUE: [&str; 9] = ["value", "val", "pv", "wert", "valeur", "valor", "current", "v", "code"];
+/// Beginnings of words that say that a value is good.
+const GOOD: [&str; 7] = ["good", "ok", "valid", "normal", "gut", "true", "g"];
+/// And that it is not; words of one letter stand for themselves.
+const BAD: [&str; 22] = [
+    "bad",
+    "invalid",
+    "uncertain",
+    "questionable",
+    "false",
+    "fail",
+    "err",
+    "stale",
+    "comm",
+    "not",
+    "no",
+    "substitut",
+    "i/o",
+    "out",
+    "timeout",
+    "schlecht",
+    "ungültig",
+    "unsicher",
+    "manual",
+    "b",
+    "u",
+    "x",
+];
+/// Different values of a column that are kept.
+const MOST_DISTINCT: usize = 32;
+/// OPC DA: a quality from here on is good, of 0 to 255.
+const OPC_DA_GOOD: f64 = 192.0;
+/// OPC UA: a status below is good; the two bits above say uncertain or bad.
+const OPC_UA_NOT_GOOD: f64 = 1_073_741_824.0;
+
+/// How a column says whether a value is good.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::import) enum Quality {
+    /// OPC DA: 192 to 255.
+    OpcDa,
+    /// OPC UA: a status code below 2^30.
+    OpcUa,
+    /// Words that begin with good, ok, valid and the like.
+    Words,
+    /// A flag that is 1 for good.
+    Flag,
+    /// What the map lists.
+    Listed(Vec<String>),
+}
+
+impl Quality {
+    /// Whether a value is good by what stands in its quality column.
+    pub(in crate::import) fn is_good(&self, value: ChannelValue<'_>) -> bool {
+        let number = match value {
+            ChannelValue::Number(number) => Some(number),
+            ChannelValue::Whole(whole) => Some(whole as f64),
+            _ => None,
+        };
+        match (self, value) {
+            // An export that leaves the cell empty repeats the one above, or has nothing to complain of.
+            (_, ChannelValue::Missing) => true,
+            (Self::OpcDa, _) => number.is_some_and(|number| (OPC_DA_GOOD..256.0).contains(&number)),
+            (Self::OpcUa, _) => number.is_some_and(|number| (0.0..OPC_UA_NOT_GOOD).contains(&number)),
+            (Self::Flag, ChannelValue::Text(text)) => is_word(text, &GOOD),
+            (Self::Flag, _) => number == Some(1.0),
+            (Self::Words, ChannelValue::Text(text)) => is_word(text, &GOOD),
+            (Self::Words, _) => false,
+            (Self::Listed(good), ChannelValue::Text(text)) => {
+                good.iter().any(|word| word.eq_ignore_ascii_case(text.trim()))
+            }
+            (Self::Listed(good), _) => {
+                good.iter().any(|word| word.parse().ok().is_some_and(|known: f64| number == Some(known)))
+            }
+        }
+    }
+}
+
+/// Whether a word begins as one of some do; those of one letter must be the whole word.
+fn is_word(text: &str, known: &[&str]) -> bool {
+    let text = text.trim().to_lowercase();
+    known.iter().any(|word| if word.len() == 1 { text == *word } else { text.starts_with(word) })
+}
+
+/// What stands in a column that may hold the quality of another.
+#[derive(Clone, Debug, Default)]
+pub(in crate::import) struct QualityLook {
+    words: Vec<String>,
+    numbers: Vec<f64>,
+    others: bool,
+}
+
+impl QualityLook {
+    pub(in crate::import) fn take(&mut self, value: ChannelValue<'_>) {
+        match value {
+            ChannelValue::Text(text) if self.words.len() < MOST_DISTINCT => {
+                if !self.words.iter().any(|word| word == text.trim()) {
+                    self.words.push(text.trim().to_owned());
+                }
+            }
+            ChannelValue::Number(number) => self.number(number),
+            ChannelValue::Whole(whole) => self.number(whole as f64),
+            ChannelValue::Missing => {}
+            _ => self.others = true,
+        }
+    }
+
+    fn number(&mut self, number: f64) {
+        if self.numbers.len() < MOST_DISTINCT && !self.numbers.contains(&number) {
+            self.numbers.push(number);
+        }
+    }
+
+    /// How the column says what is good; none where it shows nothing but one state, an error in words where it shows several and nobody knows which
+    /// of them is good.
+    pub(in crate::import) fn quality(&self, name: &str) -> Result<Option<Quality>, String> {
+        let whole = self.numbers.iter().all(|number| number.fract() == 0.0 && *number >= 0.0);
+        let most = self.numbers.iter().copied().fold(0.0, f64::max);
+        if self.others || !whole || self.numbers.len() >= MOST_DISTINCT || self.words.len() >= MOST_DISTINCT {
+            return Ok(None);
+        }
+        let words = words_of(name);
+        let says = |word: &str| words.iter().any(|known| known == word);
+        let known = |word: &String| is_word(word, &GOOD) || is_word(word, &BAD);
+        match (self.words.is_empty(), self.numbers.is_empty()) {
+            (false, true) if self.words.iter().all(known) => Ok(Some(Quality::Words)),
+            (true, false) if (OPC_DA_GOOD..256.0).contains(&most) => Ok(Some(Quality::OpcDa)),
+            (true, false) if most >= OPC_UA_NOT_GOOD || says("statuscode") || (says("status") && says("code")) => {
+                Ok(Some(Quality::OpcUa))
+            }
+            (true, false) if most <= 1.0 && (says("valid") || says("validity") || says("good") || says("gueltig")) => {
+                Ok(Some(Quality::Flag))
+            }
+            (words, numbers) if self.words.len() + self.numbers.len() > 1 => {
+                let found: Vec<String> = match (words, numbers) {
+                    (false, _) => self.words.iter().take(6).map(|word| format!("`{word}`")).collect(),
+                    _ => self.numbers.iter().take(6).map(|number| format!("`{number}`")).collect(),
+                };
+                Err(found.join(", "))
+            }
+            _ => Ok(None),
+        }
+    }
+}
+
+fn words_of(name: &str) -> Vec<String> {
+    let mut spaced = String::new();
+    let mut before = ' ';
+    for letter in name.chars() {
+        if before.is_lowercase() && letter.is_uppercase() {
+            spaced.push(' ');
+        }
+        spaced.push(letter);
+        before = letter;
+    }
+    spaced
+        .to_lowercase()
+        .split(|letter: char| !letter.is_alphanumeric())
+        .filter(|word| !word.is_empty())
+        .map(str::to_owned)
+        .collect()
+}
+
+fn is_quality_word(word: &str) -> bool {
+    QUALITY.contains(&word.trim_end_matches(|letter: char| letter.is_ascii_digit()))
+}
+
+/// The column that holds the quality of a column's values: of the same name but for a word that says so, or right beside it with such a word alone.
+pub(in crate::import) fn column_of(names: &[String], value: usize) -> Option<usize> {
+    let base = |name: &str| -> Vec<String> {
+        let words = words_of(name);
+        let kept = words.iter().filter(|word| !is_quality_word(word) && !VALUE.contains(&word.as_str()));
+        kept.cloned().collect()
+    };
+    let says_quality = |name: &str| words_of(name).iter().any(|word| is_quality_word(word));
+    let own = names.get(value)?;
+    let wanted = base(own);
+    let same = |index: &usize| *index != value && says_quality(&names[*index]) && base(&names[*index]) == wanted;
+    let by_name = (0..names.len()).find(same).filter(|_| !wanted.is_empty() && !says_quality(own));
+    let beside = (value + 1 < names.len()).then_some(value + 1);
+    by_name
+        .or(beside
+            .filter(|index| says_quality(&names[*index]) && base(&names[*index]).is_empty() && !says_quality(own)))
+}
+
+/// The column of a table with one value a line that holds the quality of each.
+pub(in crate::import) fn column_of_lines(names: &[String], taken: &[usize]) -> Option<usize> {
+    let is_one = |name: &String| {
+        let words = words_of(name);
+        !words.is_empty()
+            && words.iter().all(|word| is_quality_word(word) || word == "code" || VALUE.contains(&word.as_str()))
+    };
+    (0..names.len()).find(|index| !taken.contains(index) && is_one(&names[*index]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn look(values: &[ChannelValue<'_>]) -> QualityLook {
+        let mut look = QualityLook::default();
+        values.iter().for_each(|value| look.take(*value));
+        look
+    }
+
+    #[test]
+    fn every_way_of_saying_good_is_known() {
+        let number = ChannelValue::Number;
+        let text = ChannelValue::Text;
+        for (name, values, good, bad) in [
+            ("Y.Quality", vec![number(192.0), number(24.0)], number(216.0), number(64.0)),
+            ("Y.StatusCode", vec![number(0.0), number(2_147_483_648.0)], number(0.0), number(1_083_179_008.0)),
+            ("Status", vec![text("Good"), text("Bad, comm. failure")], text("GOOD [Non-Specific]"), text("Uncertain")),
+            ("valid", vec![number(1.0), number(0.0)], number(1.0), number(0.0)),
+            ("Y_valid", vec![text("true"), text("false")], text("TRUE"), text("false")),
+            ("Validity", vec![text("G"), text("B")], text("g"), text("B")),
+        ] {
+            let quality = look(&values).quality(name).unwrap().unwrap_or_else(|| panic!("{name}"));
+            assert!(quality.is_good(good) && !quality.is_good(bad), "{name}: {quality:?}");
+        }
+        assert_eq!(look(&[number(0.0)]).quality("Quality").unwrap(), None, "one state says nothing");
+        assert!(look(&[number(0.0), number(3.0)]).quality("Quality").is_err(), "nobody knows which is good");
+    }
+
+    #[test]
+    fn the_quality_of_a_column_is_found_by_its_name_or_place() {
+        let names = |text: &str| text.split(',').map(str::to_owned).collect::<Vec<_>>();
+        for (header, value, quality) in [
+            ("t,Y.Value,Y.Quality,Z.Value,Z.Quality", 3, Some(4)),
+            ("t,Y,Z,Y_Q,Z_Q", 2, Some(4)),
+            ("t,Y,Quality,Z,Quality", 3, Some(4)),
+            ("t,ESV_STATUS,Y", 2, None),
+            ("t,ESV_STATUS,Y", 1, None),
+            ("t,gateValue,gateStatusCode", 1, Some(2)),
+        ] {
+            assert_eq!(column_of(&names(header), value), quality, "{header} {value}");
+        }
+        assert_eq!(column_of_lines(&names("Tag,Timestamp,Value,Status"), &[0, 1, 2]), Some(3));
+    }
+}

@@ -1,0 +1,44 @@
+//! What the states of a trip column mean, by what the servomotor does in each: a machine that is shut down closes and stays closed.
+
+use super::column::SuggestedColumn;
+
+/// A servomotor that opens by more than this share of its range is not shut down, even after an interpolated bucket.
+const OPENS: f64 = 0.03;
+/// It closes within some seconds; one that stands open for longer is not shut down, ns.
+const CLOSES_NS: i64 = 15_000_000_000;
+/// Open: more than this share of its range above its lowest value.
+const OPEN: f64 = 0.1;
+/// After a change of state the servomotor may still move as before, ns.
+const SETTLES_NS: i64 = 2_000_000_000;
+
+/// The states of a column in which the servomotor runs: by number, or by the number of the word.
+pub(super) fn running_states(states: &SuggestedColumn, servomotor: &SuggestedColumn) -> Vec<f64> {
+    let mut of_states = states.envelope.points().peekable();
+    let [least, most] = servomotor.range.ends();
+    let span = most.abs().max(least.abs()).max(f64::MIN_POSITIVE);
+    let mut found: Vec<f64> = vec![];
+    let (mut state, mut since_ns): (Option<f64>, i64) = (None, 0);
+    let (mut lowest, mut rose) = (f64::INFINITY, 0.0_f64);
+    for (time_ns, bucket) in servomotor.envelope.points() {
+        while let Some((at_ns, next)) = of_states.next_if(|(at_ns, _)| *at_ns <= time_ns) {
+            // A bucket with two states is the change between them.
+            let next = if next.least.to_bits() == next.most.to_bits() { next.least } else { f64::NAN };
+            if state.is_none_or(|state| state.to_bits() != next.to_bits()) {
+                (state, since_ns, lowest, rose) = (Some(next), at_ns, f64::INFINITY, 0.0);
+            }
+        }
+        let Some(state) = state.filter(|state| !state.is_nan()) else { continue };
+        let passed_ns = time_ns.saturating_sub(since_ns);
+        if passed_ns < SETTLES_NS {
+            continue;
+        }
+        let value = bucket.mean();
+        lowest = lowest.min(value);
+        rose = rose.max(value - lowest);
+        let stands_open = passed_ns > CLOSES_NS && value - least > OPEN * span;
+        if (rose > OPENS * span || stands_open) && !found.contains(&state) {
+            found.push(state);
+        }
+    }
+    found
+}
