@@ -6,6 +6,7 @@ use govtwin_diagnosis::acceptance::limits_file;
 use std::path::PathBuf;
 
 use anyhow::bail;
+use govtwin_bag::Health;
 use govtwin_diagnosis::acceptance::counterfactual::{self, Compared};
 use govtwin_diagnosis::acceptance::limits::{AcceptanceLimits, LimitStanding};
 use govtwin_diagnosis::acceptance::series::Series;
@@ -18,7 +19,7 @@ use govtwin_model::replay::simulate;
 use govtwin_model::twin::Twin;
 use govtwin_pages::acceptance::{Drawn, measures_table, page, without_table};
 
-use super::bags::{self, MapArgs, Recordings, TopicArgs};
+use super::bags::{self, GivenBag, MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
 use super::provenance;
 use crate::commands::Outcome;
@@ -108,6 +109,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mapped = args.map.open(&args.bags)?;
     let topics = args.topics.topics();
     let Recordings { recordings, mut warnings, read } = bags::read(&mapped.paths, &topics, &sheet.unit)?;
+    let (recordings, read) = trusted(recordings, read)?;
     warnings.splice(0..0, mapped.warnings.iter().cloned());
     made.recordings = provenance::inputs(&read, &mapped)?;
     made.unit = name;
@@ -141,6 +143,24 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let kept = matches!(summary.standing, None | Some(LimitStanding::Passes));
     Ok(if kept && warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
+}
+
+/// Leaves out the recordings whose figures would not be those of the unit: no limit is kept by what cannot be trusted.
+fn trusted(mut recordings: Vec<Recording>, mut read: Vec<GivenBag>) -> anyhow::Result<(Vec<Recording>, Vec<GivenBag>)> {
+    let mut refused = vec![];
+    for given in read.iter_mut().filter(|given| given.left_out.is_none()) {
+        let Some(doubt) = given.health.as_ref().and_then(Health::untrusted) else { continue };
+        refused.push(format!("{}: {doubt}", given.path.display()));
+        given.left_out = Some(doubt);
+        let of_given = |name: &str| {
+            name == given.name || name.strip_prefix(&given.name).is_some_and(|rest| rest.starts_with(['#', ' ']))
+        };
+        recordings.retain(|recording| !of_given(&recording.name));
+    }
+    if recordings.is_empty() {
+        bail!("no recording can be measured:\n  {}", refused.join("\n  "));
+    }
+    Ok((recordings, read))
 }
 
 /// Measures recordings and twins, and holds them against the limits.

@@ -41,6 +41,22 @@ pub struct TopicArgs {
     /// Topic of STREAM (command, esv, tank_pressure or servo_state), if the bags have another name for it; may be repeated.
     #[arg(long = "topic", value_name = "STREAM=NAME", value_parser = stream_and_name)]
     pub(super) named: Vec<(Stream, String)>,
+    /// What dates the samples: the stamp in their header, or the time of recording, where the senders' clocks differ.
+    ///
+    /// With `log`, the stamps of each topic are moved by one amount, the least time from stamp to recording, so that all topics are on the
+    /// recorder's clock.
+    #[arg(long, value_name = "CLOCK", default_value = "header", hide_default_value = true)]
+    pub(super) stamp: StampClock,
+}
+
+/// What dates the samples of a bag.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum StampClock {
+    /// The stamp in the header of each message.
+    #[default]
+    Header,
+    /// The recorder's clock.
+    Log,
 }
 
 impl TopicArgs {
@@ -50,12 +66,15 @@ impl TopicArgs {
         for (stream, name) in &self.named {
             topics.set(*stream, name);
         }
+        topics.by_log = self.stamp == StampClock::Log;
         topics
     }
 
     /// The arguments again, for a process of our own.
     pub fn arguments(&self) -> Vec<String> {
-        self.named.iter().flat_map(|(stream, name)| ["--topic".to_owned(), format!("{stream}={name}")]).collect()
+        let named = self.named.iter().flat_map(|(stream, name)| ["--topic".to_owned(), format!("{stream}={name}")]);
+        let stamp = (self.stamp == StampClock::Log).then(|| ["--stamp".to_owned(), "log".to_owned()]);
+        named.chain(stamp.into_iter().flatten()).collect()
     }
 }
 
@@ -216,6 +235,10 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, positions: Positions
     let some_measured = loaded.iter().flatten().any(|taken| !is_own(taken));
     for (bag, taken) in bags.into_iter().zip(loaded) {
         let Bag { path, name } = bag;
+        let taken = taken.and_then(|taken| match untrusted(&taken, topics, unit) {
+            Some(reason) => Err(format!("{}: {reason}", path.display())),
+            None => Ok(taken),
+        });
         let (health, left_out, excerpt) = match taken {
             Ok(taken) if some_measured && is_own(&taken) => {
                 warnings.push(format!("{name}: {OWN} (left out)"));
@@ -244,11 +267,22 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, positions: Positions
     Ok(Recordings { recordings, warnings, read })
 }
 
+/// Why nothing can be concluded from what was taken of a bag.
+fn untrusted(taken: &Taken, topics: &Topics, unit: &Unit) -> Option<String> {
+    let of_other = || taken.recordings.iter().find_map(|recording| other_unit(recording, topics, unit));
+    taken.health.disqualified().or_else(of_other)
+}
+
 /// Units in which a pressure may have been sent by mistake, Pa.
 const OTHER_UNITS_PA: [(&str, f64); 4] = [("bar", 1e5), ("kPa", 1e3), ("MPa", 1e6), ("psi", 6894.757)];
 
-/// What is to be said of a tank pressure that is ten times the sheet's, or a tenth of it: it may have another unit.
-pub fn doubt_of_pressure(recording: &Recording, topics: &Topics, unit: &Unit) -> Option<String> {
+/// A median pressure outside of this share of the sheet's is worth a word: an accumulator gives a tenth of its pressure at most.
+const LIKE_SHEET: std::ops::RangeInclusive<f64> = 0.8..=1.25;
+/// And outside of this one the recording is of another unit, or another channel's.
+const OF_UNIT: std::ops::RangeInclusive<f64> = 0.55..=1.8;
+
+/// The median tank pressure of a recording, as a share of the sheet's, and in words.
+fn pressure_of(recording: &Recording, topics: &Topics, unit: &Unit) -> Option<(f64, String)> {
     let pressures_pa = recording.frames.iter().map(|frame| frame.inputs.tank_pressure_pa);
     let mut pressures_pa: Vec<f64> = pressures_pa.filter(|pressure_pa| pressure_pa.is_finite()).collect();
     let middle = pressures_pa.len() / 2;
@@ -257,14 +291,25 @@ pub fn doubt_of_pressure(recording: &Recording, topics: &Topics, unit: &Unit) ->
     }
     let median_pa = *pressures_pa.select_nth_unstable_by(middle, f64::total_cmp).1;
     let sheet_pa = unit.parameters.oil.tank_pressure_pa;
-    if (sheet_pa / 10.0..=sheet_pa * 10.0).contains(&median_pa) {
-        return None;
-    }
     let topic = topics.of(Stream::TankPressure);
     let (found, expected) = (quantity_text(median_pa, "Pa"), quantity_text(sheet_pa, "Pa"));
     let meant = OTHER_UNITS_PA.iter().find(|(_, in_pa)| (0.5..=2.0).contains(&(median_pa * in_pa / sheet_pa)));
     let meant = meant.map(|(name, _)| format!("; was it sent in {name}?")).unwrap_or_default();
-    Some(format!("{topic}: the median is {found}, the sheet says {expected}{meant}"))
+    Some((median_pa / sheet_pa, format!("{topic}: the median is {found}, the sheet says {expected}{meant}")))
+}
+
+/// What is to be said of a tank pressure that is not the sheet's: it may have another unit, or be of another machine.
+pub fn doubt_of_pressure(recording: &Recording, topics: &Topics, unit: &Unit) -> Option<String> {
+    let (share, words) = pressure_of(recording, topics, unit)?;
+    (!LIKE_SHEET.contains(&share)).then_some(words)
+}
+
+/// Why a recording cannot be of the unit of a sheet.
+fn other_unit(recording: &Recording, topics: &Topics, unit: &Unit) -> Option<String> {
+    let (share, words) = pressure_of(recording, topics, unit)?;
+    (!OF_UNIT.contains(&share)).then(|| {
+        format!("{words}: the recording is not of this unit, or the pressure is another channel's; name the sheet of its unit with --params")
+    })
 }
 
 /// All bags that the paths name, each once, in the order given and by name within a folder.

@@ -24,7 +24,7 @@ use super::provenance;
 use crate::commands::{Outcome, usage};
 use given::{By, Given, UnitArgs};
 
-pub use files::NAMES;
+pub use files::{FITTED, NAMES};
 
 /// Arguments of `govtwin diagnose`.
 #[derive(Debug, clap::Args)]

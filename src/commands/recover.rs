@@ -59,16 +59,18 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let warnings: Vec<String> = recovered.warnings.iter().map(Warning::to_string).collect();
         let value = json!({
             "schema": "govtwin-recover/1", "from": source, "bag": recovered.bag, "messages": recovered.messages,
-            "saved": saved, "lost_bytes": lost_bytes, "damage": warnings,
+            "saved": saved, "lost_bytes": lost_bytes, "damage": warnings, "attachments": recovered.attachments,
+            "metadata": recovered.metadata, "lost": recovered.lost,
         });
         print(&format!("{value:#}\n"))?;
     } else {
         print(&text(&recovered, &source, saved))?;
         recovered.warnings.iter().for_each(|warning| warn(&warning.to_string()));
+        recovered.lost.iter().for_each(|words| warn(&format!("{words}; it is not in the new bag")));
     }
     // A file that only was not finished has lost nothing.
     let is_loss = |warning: &Warning| !matches!(warning, Warning::Damaged { damage, .. } if damage.lost_bytes == 0);
-    let lost = lost_bytes > 0 || recovered.warnings.iter().any(is_loss);
+    let lost = lost_bytes > 0 || !recovered.lost.is_empty() || recovered.warnings.iter().any(is_loss);
     Ok(if lost { Outcome::Warnings } else { Outcome::Ok })
 }
 
@@ -89,6 +91,11 @@ fn text(recovered: &Recovered, source: &Path, saved: u64) -> String {
     let lost_bytes = recovered.lost_bytes();
     let lost = if lost_bytes > 0 { format!("; {lost_bytes} bytes could not be read") } else { String::new() };
     text.push_str(&format!("{saved} messages saved{lost}\n"));
+    for (what, names) in [("attachment", &recovered.attachments), ("metadata record", &recovered.metadata)] {
+        for name in names {
+            text.push_str(&format!("{what} `{}` saved\n", super::output::one_line(name)));
+        }
+    }
     text.push_str(&format!("bag: {}\n", recovered.bag.display()));
     text.push_str(&format!("{} is unchanged; remove it once you have checked the new bag\n", source.display()));
     text

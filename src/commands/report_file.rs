@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_files::{look_at, read_text};
+use govtwin_model::effects::find;
 use govtwin_model::provenance::Provenance;
 use serde::Deserialize;
 use serde_json::Value;
@@ -62,33 +63,94 @@ pub fn check(report: &Value) -> anyhow::Result<()> {
     if matches!(verdict, "named" | "class") && faults == 0 {
         bail!("effects: expected the faults of the verdict `{verdict}`, found none");
     }
+    if matches!(verdict, "no_gap" | "not_excited" | "no_such_unit") && faults > 0 {
+        bail!("effects: expected none with the verdict `{verdict}`, found {faults}");
+    }
+    effects(report)?;
     sound("", report)
 }
+
+/// Every effect is one of the catalogue, with parameters of its own, and the probability that the ranking gives it.
+fn effects(report: &Value) -> anyhow::Result<()> {
+    let list = |key: &str| report[key].as_array().into_iter().flatten();
+    // An effect of the user's own is known by its file alone.
+    let own = report["provenance"]["options"].get("candidate").is_some();
+    for (row, effect) in list("effects").enumerate() {
+        let Some(id) = effect["id"].as_str() else { continue };
+        let Some(spec) = find(id) else {
+            if own {
+                continue;
+            }
+            bail!("effects[{row}].id: expected an effect of `govtwin effects`, found `{id}`");
+        };
+        for (place, parameter) in effect["parameters"].as_array().into_iter().flatten().enumerate() {
+            let Some(name) = parameter["name"].as_str() else { continue };
+            let last = name.rsplit('.').next().unwrap_or(name);
+            if !spec.parameters.iter().any(|known| known.name == last) {
+                let known: Vec<&str> = spec.parameters.iter().map(|known| known.name).collect();
+                bail!(
+                    "effects[{row}].parameters[{place}].name: expected a parameter of `{id}` ({}), found `{name}`",
+                    known.join(", ")
+                );
+            }
+        }
+        let ranked = list("ranking").find(|one| one["id"].as_str() == Some(id));
+        let both = ranked.and_then(|ranked| Some((effect["probability"].as_f64()?, ranked["probability"].as_f64()?)));
+        match both {
+            Some((here, there)) if (here - there).abs() > SAME => {
+                bail!("effects[{row}].probability: expected {there} as in the ranking, found {here}")
+            }
+            None if ranked.is_none() && list("ranking").next().is_some() => {
+                bail!("effects[{row}].id: expected an effect of the ranking, found `{id}`")
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Figures of one report that state the same differ by rounding alone.
+const SAME: f64 = 1e-6;
 
 /// Every probability below a place lies in 0 to 1, and every interval in order.
 fn sound(place: &str, value: &Value) -> anyhow::Result<()> {
     match value {
-        Value::Object(entries) => entries.iter().try_for_each(|(key, value)| {
-            let place = if place.is_empty() { key.clone() } else { format!("{place}.{key}") };
-            match (key.as_str(), value) {
-                ("probability", Value::Object(all)) => {
-                    all.iter().try_for_each(|(id, share)| probability(&format!("{place}.{id}"), share))
-                }
-                ("probability", share) => probability(&place, share),
-                ("ci90", Value::Array(ends)) => match ends.iter().filter_map(Value::as_f64).collect::<Vec<_>>()[..] {
-                    [low, high] if low > high => {
-                        bail!("{place}: expected an interval from low to high, found [{low}, {high}]")
+        Value::Object(entries) => within(place, value).and_then(|()| {
+            entries.iter().try_for_each(|(key, value)| {
+                let place = if place.is_empty() { key.clone() } else { format!("{place}.{key}") };
+                match (key.as_str(), value) {
+                    ("probability", Value::Object(all)) => {
+                        all.iter().try_for_each(|(id, share)| probability(&format!("{place}.{id}"), share))
                     }
-                    _ => Ok(()),
-                },
-                (_, value) => sound(&place, value),
-            }
+                    ("probability", share) => probability(&place, share),
+                    ("ci90", Value::Array(ends)) => match ends.iter().filter_map(Value::as_f64).collect::<Vec<_>>()[..]
+                    {
+                        [low, high] if low > high => {
+                            bail!("{place}: expected an interval from low to high, found [{low}, {high}]")
+                        }
+                        _ => Ok(()),
+                    },
+                    (_, value) => sound(&place, value),
+                }
+            })
         }),
         Value::Array(rows) => {
             rows.iter().enumerate().try_for_each(|(row, value)| sound(&format!("{place}[{row}]"), value))
         }
         _ => Ok(()),
     }
+}
+
+/// A value lies in its interval.
+fn within(place: &str, figure: &Value) -> anyhow::Result<()> {
+    let ends: Vec<f64> = figure["ci90"].as_array().into_iter().flatten().filter_map(Value::as_f64).collect();
+    let (Some(value), [low, high]) = (figure["value"].as_f64(), &ends[..]) else { return Ok(()) };
+    let room = SAME * value.abs().max(low.abs()).max(high.abs());
+    if low <= high && !(low - room..=high + room).contains(&value) {
+        let place = if place.is_empty() { "value" } else { place };
+        bail!("{place}: expected a value in its interval [{low}, {high}], found {value}");
+    }
+    Ok(())
 }
 
 fn probability(place: &str, share: &Value) -> anyhow::Result<()> {
@@ -118,6 +180,26 @@ mod tests {
             (
                 json!({"location": {"probability": {"esv": -0.5}}}),
                 "location.probability.esv: expected 0 to 1, found -0.5",
+            ),
+            (
+                json!({"verdict": "no_gap", "effects": [{"id": "backlash"}]}),
+                "effects: expected none with the verdict `no_gap`, found 1",
+            ),
+            (
+                json!({"verdict": "named", "effects": [{"id": "no_such_effect"}]}),
+                "effects[0].id: expected an effect of `govtwin effects`, found `no_such_effect`",
+            ),
+            (
+                json!({"verdict": "named", "effects": [{"id": "pilot_filter", "parameters": [{"name": "play_pu"}]}]}),
+                "effects[0].parameters[0].name: expected a parameter of `pilot_filter` (clogging_ratio), found `play_pu`",
+            ),
+            (
+                json!({"verdict": "named", "effects": [{"id": "backlash", "probability": 0.999}], "ranking": [{"id": "backlash", "probability": 0.97}]}),
+                "effects[0].probability: expected 0.97 as in the ranking, found 0.999",
+            ),
+            (
+                json!({"verdict": "named", "effects": [{"id": "backlash", "parameters": [{"name": "play_pu", "value": 9e99, "ci90": [0.1, 0.2]}]}]}),
+                "effects[0].parameters[0]: expected a value in its interval [0.1, 0.2], found 9e99",
             ),
             (
                 json!({"gap": {"closure": {"ci90": [0.9, 0.1]}}}),

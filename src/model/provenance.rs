@@ -32,6 +32,9 @@ pub struct Provenance {
     pub seed: Option<u64>,
     /// What a user should read before believing the figures.
     pub warnings: Vec<String>,
+    /// Files that were written together with the report, by name, each with the SHA-256 of its bytes, hexadecimal.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub written: BTreeMap<String, String>,
 }
 
 /// A file as it was read.

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::bail;
 use govtwin_diagnosis::acceptance::counterfactual::SizeKnowledge;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::{Blame, Verdict};
 use govtwin_diagnosis::{DiagnosisSettings, diagnose};
 use govtwin_model::effects::find_in;
@@ -12,13 +13,43 @@ use govtwin_model::params;
 use govtwin_model::provenance::Provenance;
 use govtwin_model::recording::Recording;
 
+use crate::commands::diagnose::FITTED;
 use crate::commands::output::Progress;
-use crate::commands::report_file;
+use crate::commands::{provenance, report_file};
 
 /// The machine-readable report of a diagnosis.
 pub const REPORT: &str = "report.json";
-/// The twin with what it names.
-const FITTED: &str = "fitted.yaml";
+
+/// Refuses a twin that is not the one of the report beside it: by its digest, and where an older report states none by the effects that it has.
+fn belongs(report: &DiagnosisReport, fitted: &Path, unit: &Unit) -> anyhow::Result<()> {
+    let shown = fitted.display();
+    let way_out = "take both from one run of `govtwin diagnose`";
+    if let Some(stated) = report.provenance.iter().find_map(|made| made.written.get(FITTED)) {
+        let found = provenance::file(fitted)?.sha256;
+        if found != *stated {
+            bail!(
+                "{shown}: expected the twin of the report beside it (SHA-256 {:.12}), found another file ({found:.12}), changed or of another \
+                 diagnosis; {way_out}",
+                stated
+            );
+        }
+        return Ok(());
+    }
+    let has = |id: &str| unit.effects.iter().any(|setting| setting.id == id);
+    let named = matches!(report.verdict, Verdict::Named);
+    if let Some(blame) = report.effects.iter().find(|blame| named && !has(&blame.id)) {
+        bail!(
+            "{shown}: expected a twin with `{}`, which the report beside it names, found one without; {way_out}",
+            blame.id
+        );
+    }
+    if let Some(other) =
+        unit.effects.iter().find(|setting| named && !report.effects.iter().any(|blame| blame.id == setting.id))
+    {
+        bail!("{shown}: found `{}`, which the report beside it does not name; {way_out}", other.id);
+    }
+    Ok(())
+}
 
 /// What a diagnosis found.
 #[derive(Debug)]
@@ -48,7 +79,9 @@ impl FoundFaults {
             );
         }
         let diagnosis = report_file::diagnosis(&report)?;
-        let unit = params::load(&folder.join(FITTED))?;
+        let fitted = folder.join(FITTED);
+        let unit = params::load(&fitted)?;
+        belongs(&diagnosis, &fitted, &unit)?;
         Ok(Self::of(diagnosis.verdict, &diagnosis.effects, unit, vec![], diagnosis.provenance))
     }
 
@@ -85,8 +118,17 @@ impl FoundFaults {
         let there = self.made.as_ref()?;
         let (old, new) = (there.digests(), made.digests());
         let shared = old.iter().any(|digest| new.contains(digest));
-        (!shared).then(|| {
-            format!("the diagnosis is of `{}`, of other recordings than these; is it of the same unit?", there.unit)
+        if !shared {
+            return Some(format!(
+                "the diagnosis is of `{}`, of other recordings than these; is it of the same unit?",
+                there.unit
+            ));
+        }
+        (there.sheet.sha256 != made.sheet.sha256).then(|| {
+            format!(
+                "the diagnosis of `{}` was made with another data sheet than this test; name the same with --params",
+                there.unit
+            )
         })
     }
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::{Diagnosis, Fitted, NEXT_TEST, Verdict};
+use govtwin_files::digest::sha256;
 use govtwin_files::look_at;
 use govtwin_model::parameters::Unit;
 use govtwin_model::params::{self, Overlay};
@@ -23,7 +24,10 @@ const REPORT: &str = "report.json";
 pub const ASSUMED: &str = "assumed.yaml";
 
 /// What a diagnosis leaves.
-pub const NAMES: [&str; 6] = [REPORT, "report.html", "refitted.yaml", "fitted.yaml", NEXT_TEST, ASSUMED];
+pub const NAMES: [&str; 6] = [REPORT, "report.html", "refitted.yaml", FITTED, NEXT_TEST, ASSUMED];
+
+/// The twin with what the diagnosis names.
+pub const FITTED: &str = "fitted.yaml";
 
 /// Refuses a folder that holds the files of another unit: those of a report that shares no recording with this one, or that says of none.
 pub fn refuse_to_replace(out: &Path, made: &Provenance) -> anyhow::Result<()> {
@@ -59,24 +63,26 @@ pub fn write(
     made: &Provenance,
     seconds: f64,
 ) -> anyhow::Result<String> {
-    let mut report = DiagnosisReport::of(diagnosis, seconds);
-    report.provenance = Some(made.clone());
-    report.evidence.traces = page::kept_traces(&diagnosis.traces);
-    let json = format!("{:#}\n", report.json());
-    overlay(
-        &mut output,
-        "refitted.yaml",
-        &diagnosis.refitted,
-        "refitted within tolerances, without any effect",
-        made,
-        &[],
-    )?;
+    let mut written = BTreeMap::new();
+    let mut twin = |output: &mut Output, name: &str, text: String| {
+        written.insert(name.to_owned(), sha256(&text));
+        output.add(name, text.as_bytes())
+    };
+    let what = "refitted within tolerances, without any effect";
+    let text = overlay(&output, "refitted.yaml", &diagnosis.refitted, what, made, &[])?;
+    twin(&mut output, "refitted.yaml", text)?;
     let what = match diagnosis.verdict {
         Verdict::Named => "refitted with the effects that the diagnosis names",
         Verdict::Class => "refitted with the most probable of the effects that the diagnosis could not tell apart",
         _ => "refitted within tolerances; the diagnosis names no effect",
     };
-    overlay(&mut output, "fitted.yaml", &diagnosis.fitted, what, made, &diagnosis.parameters)?;
+    let text = overlay(&output, FITTED, &diagnosis.fitted, what, made, &diagnosis.parameters)?;
+    twin(&mut output, FITTED, text)?;
+    let mut report = DiagnosisReport::of(diagnosis, seconds);
+    // By its digest a twin is known as the one of this report.
+    report.provenance = Some(Provenance { written, ..made.clone() });
+    report.evidence.traces = page::kept_traces(&diagnosis.traces);
+    let json = format!("{:#}\n", report.json());
     match next_test::file(diagnosis, &output.path(NEXT_TEST), &unit.parameters)? {
         Some(script) => output.add(NEXT_TEST, &script)?,
         None => output.remove(NEXT_TEST),
@@ -92,13 +98,13 @@ pub fn write(
 }
 
 fn overlay(
-    output: &mut Output,
+    output: &Output,
     name: &str,
     unit: &Unit,
     what: &str,
     made: &Provenance,
     parameters: &[Fitted],
-) -> anyhow::Result<()> {
+) -> anyhow::Result<String> {
     let mut unit = unit.clone();
     unit.own_effects.retain(|own| unit.effects.iter().any(|setting| setting.id == own.id));
     let comments: BTreeMap<String, String> = parameters
@@ -108,6 +114,5 @@ fn overlay(
         .collect();
     let head = [vec![format!("The unit {what}.")], made.comments()].concat();
     let overlay = Overlay { unit, name: String::new(), source: "govtwin diagnose".to_owned(), head, comments };
-    let text = params::overlay_text(&output.path(name), &overlay)?;
-    output.add(name, text.as_bytes())
+    Ok(params::overlay_text(&output.path(name), &overlay)?)
 }

@@ -131,6 +131,45 @@ impl SizeInterval {
 }
 
 impl FoundCause {
+    /// Whether its parts agree: causes where the verdict names some, and none where it does not; values in their intervals; shares from 0 to 1.
+    ///
+    /// # Errors
+    /// In words with the field.
+    fn check(&self) -> Result<(), String> {
+        let verdict = &self.verdict;
+        let Some(known) = Verdict::ALL.into_iter().find(|known| known.id() == verdict) else {
+            return Err(format!("found.verdict: expected a verdict of `govtwin diagnose`, found `{verdict}`"));
+        };
+        let count = self.causes.len();
+        if matches!(known, Verdict::Named | Verdict::Class) && count == 0 {
+            return Err(format!("found.causes: expected the causes of the verdict `{verdict}`, found none"));
+        }
+        if matches!(known, Verdict::NoGap | Verdict::NotExcited) && count > 0 {
+            return Err(format!("found.causes: expected none with the verdict `{verdict}`, found {count}"));
+        }
+        let shares = [("unknown_probability", self.unknown_probability), ("none_probability", self.none_probability)];
+        let of_causes = self.causes.iter().map(|cause| ("causes.probability", cause.probability));
+        for (key, share) in shares.into_iter().chain(of_causes) {
+            if let Some(share) = share.filter(|share| !(0.0..=1.0 + 1e-9).contains(share)) {
+                return Err(format!("found.{key}: expected 0 to 1, found {share}"));
+            }
+        }
+        let sizes = self.causes.iter().flat_map(|cause| &cause.sizes);
+        for SizeInterval { name, value, low, high, .. } in sizes.chain(&self.parameters) {
+            let (Some(value), Some(low), Some(high)) = (value, low, high) else { continue };
+            let room = 1e-6 * value.abs().max(low.abs()).max(high.abs());
+            if low > high {
+                return Err(format!("found: `{name}`: expected an interval from low to high, found [{low}, {high}]"));
+            }
+            if !(low - room..=high + room).contains(value) {
+                return Err(format!(
+                    "found: `{name}`: expected a value in its interval [{low}, {high}], found {value}"
+                ));
+            }
+        }
+        Ok(())
+    }
+
     /// What a fleet keeps of a diagnosis.
     #[must_use]
     pub fn of(diagnosis: &Diagnosis) -> Self {
@@ -193,6 +232,9 @@ pub enum OutcomeError {
         /// The key in it.
         found: String,
     },
+    /// Its parts contradict each other.
+    #[error("{0}")]
+    Figure(String),
 }
 
 impl EntryResult {
@@ -222,6 +264,7 @@ impl EntryResult {
         if outcome.key != key {
             return Err(OutcomeError::Key { expected: key.to_owned(), found: outcome.key });
         }
+        outcome.found.as_ref().map_or(Ok(()), FoundCause::check).map_err(OutcomeError::Figure)?;
         Ok(outcome)
     }
 
