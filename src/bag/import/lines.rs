@@ -22,8 +22,9 @@ const EVEN: f64 = 0.2;
 const FEW: usize = 20;
 /// The servomotor follows about so late, s.
 const FOLLOWS_S: f64 = 0.2;
-/// What the servomotor must prefer, as a ratio of errors; and differences that matter, pu.
+/// What the servomotor must prefer, as a ratio of errors, and how near it must then be, pu; and differences that matter, pu.
 const CLEAR: f64 = 0.6;
+const FITS_PU: f64 = 0.05;
 const MATTERS_PU: f64 = 0.01;
 
 /// What a command does between its points.
@@ -103,9 +104,9 @@ impl SparsePoints {
             return Course::Unknown { points, apart_pu };
         }
         let (hold, line) = (median(hold), median(line));
-        if line < CLEAR * hold {
+        if line < CLEAR * hold && line < FITS_PU {
             Course::Line { points }
-        } else if hold < CLEAR * line {
+        } else if hold < CLEAR * line && hold < FITS_PU {
             Course::Hold
         } else {
             Course::Unknown { points, apart_pu }

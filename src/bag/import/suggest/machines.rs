@@ -127,9 +127,9 @@ mod tests {
             (
                 &["Time", "U3_Y_CMD [%]", "U3_Y [%]", "U5_Y_CMD [%]", "U5_Y [%]", "U5_P [bar]"][..],
                 &["3", "5"][..],
-                &[2, 0, 0, 1, 1, 1],
+                &[2, 0, 0, 1, 1, 1][..],
             ),
-            (&["t", "cmd_A", "pos_A", "cmd_B", "pos_B", "oil"], &["a", "b"], &[2, 0, 0, 1, 1, 2]),
+            (&["t", "cmd_A", "pos_A", "cmd_B", "pos_B", "oil"], &["a", "b"], &[2, 0, 0, 1, 1, 2][..]),
             (
                 &[
                     "/unit3/governor/command.opening",
@@ -138,12 +138,12 @@ mod tests {
                     "/unit5/plant/state.spool",
                 ],
                 &["3", "5"],
-                &[0, 0, 1, 1],
+                &[0, 0, 1, 1][..],
             ),
             (
                 &["north cmd", "north gate", "north spool", "south cmd", "south gate", "south spool"],
                 &["north", "south"],
-                &[0, 0, 0, 1, 1, 1],
+                &[0, 0, 0, 1, 1, 1][..],
             ),
         ] {
             let (found, own) = of(names);
