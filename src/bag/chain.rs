@@ -5,9 +5,15 @@
 //! of a machine, whatever its faults: a channel is wired to another, is stuck or held, is scaled or turned, is of another machine, or the time is
 //! not that of the plant. The limits lie far outside of what faults of servo systems do.
 
+mod impossible;
+mod watches;
+
 use govtwin_model::frame::{EsvState, Frame};
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
+
+pub(crate) use impossible::Impossible;
+use watches::{HeldWatch, Relation};
 
 /// Speeds are taken over so much time, s: noise of two samples is small then.
 const SPEED_OVER_S: f64 = 0.1;
@@ -45,12 +51,6 @@ const STANDS_S: f64 = 20.0;
 /// Three samples in one direction faster than this, pu/s, over so much of the stroke, pu, are none of a servomotor.
 const FASTEST_PU_S: f64 = 2.0;
 const FAST_PU: f64 = 0.05;
-/// A value that is held for so long, s, in so many samples, and then jumps by more, pu; as a share of all travel, and so many times.
-const HELD_S: f64 = 0.2;
-const HELD_SAMPLES: u64 = 4;
-const HELD_PU: f64 = 0.003;
-const HELD_SHARE: f64 = 0.7;
-const HELD_JUMPS: u64 = 6;
 /// Pairs of speed and spool that tell a relation, and the least correlation of the two; signals that move less tell none, pu.
 const PAIRS: f64 = 50.0;
 const UNRELATED: f64 = 0.25;
@@ -71,35 +71,6 @@ struct Seen {
     duration_s: f64,
 }
 
-/// What cannot be of one machine, with figures.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Impossible {
-    /// Position and command are the same: samples that are, of how many while the command moved, and how many of all to the last bit.
-    Copy { near: u64, moving: u64, equal: u64, all: u64 },
-    /// The servomotor moves away from its command, pu, and so far towards it.
-    Away { away_pu: f64, towards_pu: f64 },
-    /// The same, while spool and servomotor go together: the response comes before the command.
-    Leads { away_pu: f64, towards_pu: f64 },
-    /// It opens while tripped, pu, or stands open: position, pu, at a time, ns, so long after the trip, s.
-    OpensTripped { by_pu: f64, time_ns: i64 },
-    /// It stands open while tripped.
-    StandsTripped { position_pu: f64, time_ns: i64, duration_s: f64 },
-    /// At rest away from its command.
-    RestsElsewhere { position_pu: f64, command_pu: f64, time_ns: i64, duration_s: f64 },
-    /// The spool stands still while the servomotor runs and stops.
-    SpoolStill { spool_pu: f64, time_ns: i64, speeds_pu_s: [f64; 2] },
-    /// The values are held and jump: signal, jumps, share of the travel.
-    Held { signal: Signal, jumps: u64, share: f64, held_s: f64 },
-    /// Speed and spool have nothing to do with each other, or go against each other.
-    Unrelated { correlation: f64 },
-    /// The servomotor is faster than any.
-    TooFast { pu_s: f64, time_ns: i64 },
-    /// The servomotor runs through its process in no time, s.
-    TooShort { duration_s: f64 },
-    /// Samples lie too far apart to show a process.
-    TooSlow { apart_s: f64 },
-}
-
 /// Values within a band.
 #[derive(Clone, Copy, Debug)]
 struct StillRun {
@@ -109,79 +80,6 @@ struct StillRun {
     /// Since when the command is elsewhere, ns.
     away_since_ns: Option<i64>,
     speeds: [f64; 2],
-}
-
-/// A signal whose values may be held.
-#[derive(Clone, Copy, Debug, Default)]
-struct HeldWatch {
-    last: Option<(i64, f64)>,
-    since_ns: i64,
-    samples: u64,
-    jumps: u64,
-    jumped: f64,
-    travel: f64,
-    held_s: f64,
-}
-
-impl HeldWatch {
-    fn take(&mut self, time_ns: i64, value: f64) {
-        match self.last {
-            Some((_, last)) if last.to_bits() == value.to_bits() => self.samples += 1,
-            Some((_, last)) => {
-                let (step, held_s) = ((value - last).abs(), seconds_from_nanos(time_ns.saturating_sub(self.since_ns)));
-                if step > HELD_PU {
-                    self.travel += step;
-                    if self.samples >= HELD_SAMPLES && held_s >= HELD_S {
-                        self.jumps += 1;
-                        self.jumped += step;
-                        self.held_s += held_s;
-                    }
-                }
-                (self.since_ns, self.samples) = (time_ns, 1);
-            }
-            None => (self.since_ns, self.samples) = (time_ns, 1),
-        }
-        self.last = Some((time_ns, value));
-    }
-
-    fn found(&self, signal: Signal) -> Option<Impossible> {
-        let share = self.jumped / self.travel.max(f64::MIN_POSITIVE);
-        let held_s = self.held_s / self.jumps.max(1) as f64;
-        (self.jumps >= HELD_JUMPS && share > HELD_SHARE).then_some(Impossible::Held {
-            signal,
-            jumps: self.jumps,
-            share,
-            held_s,
-        })
-    }
-}
-
-/// Sums for the correlation of the spool with the speed of the servomotor.
-#[derive(Clone, Copy, Debug, Default)]
-struct Relation {
-    n: f64,
-    x: f64,
-    y: f64,
-    xx: f64,
-    yy: f64,
-    xy: f64,
-}
-
-impl Relation {
-    fn take(&mut self, x: f64, y: f64) {
-        self.n += 1.0;
-        let (dx, dy) = (x - self.x, y - self.y);
-        self.x += dx / self.n;
-        self.y += dy / self.n;
-        self.xx += dx * (x - self.x);
-        self.yy += dy * (y - self.y);
-        self.xy += dx * (y - self.y);
-    }
-
-    fn correlation(&self) -> f64 {
-        let scale = (self.xx * self.yy).sqrt();
-        if scale > 0.0 { self.xy / scale } else { 0.0 }
-    }
 }
 
 /// The last row at which a speed was taken, and sums of the spool since.
@@ -440,83 +338,5 @@ impl ChainEvidence {
             found.push(Impossible::TooSlow { apart_s });
         }
         found
-    }
-}
-
-impl Impossible {
-    /// In words, with the way out.
-    pub(crate) fn words(&self) -> String {
-        let percent = |pu: f64| format!("{:.1} %", pu * 100.0);
-        match *self {
-            Self::Copy { near, moving, equal, all } => format!(
-                "the servomotor position is the command: {equal} of {all} samples are the same to the last bit, and {near} of {moving} while it \
-                 moves are nearer than 0.05 %; one of the two channels is wired to the other"
-            ),
-            Self::Away { away_pu, towards_pu } => format!(
-                "the servomotor moves away from its command, by {} of the stroke in all and {} towards it: time runs backwards, the response \
-                 comes before the command, or the position is turned",
-                percent(away_pu),
-                percent(towards_pu)
-            ),
-            Self::Leads { away_pu, towards_pu } => format!(
-                "the servomotor moves before its command does, {} of the stroke in all against {} behind it: the stamps of command and measured \
-                 state are of two clocks",
-                percent(away_pu),
-                percent(towards_pu)
-            ),
-            Self::OpensTripped { by_pu, time_ns } => format!(
-                "the servomotor opens by {} while the ESV says shutdown (at {time_ns} ns): is the meaning of the ESV the wrong way round?",
-                percent(by_pu)
-            ),
-            Self::StandsTripped { position_pu, time_ns, duration_s } => format!(
-                "the servomotor stands at {} although the ESV has said shutdown for {duration_s:.0} s (at {time_ns} ns): is the meaning of the \
-                 ESV the wrong way round?",
-                percent(position_pu)
-            ),
-            Self::RestsElsewhere { position_pu, command_pu, time_ns, duration_s } => {
-                let meant = match position_pu / command_pu {
-                    ratio if (1.8..2.2).contains(&ratio) => "; the position is doubled",
-                    ratio if (0.45..0.55).contains(&ratio) => "; the position is halved",
-                    _ if (position_pu + command_pu - 1.0).abs() < 0.02 => "; the position is turned, 1 is open",
-                    _ => "",
-                };
-                format!(
-                    "the servomotor rests at {} for {duration_s:.0} s while its command says {} (from {time_ns} ns on): a channel is stuck, scaled, or \
-                     of another machine{meant}",
-                    percent(position_pu),
-                    percent(command_pu)
-                )
-            }
-            Self::SpoolStill { spool_pu, time_ns, speeds_pu_s: [least, most] } => format!(
-                "the spool stands still at {} (from {time_ns} ns on) while the servomotor's speed goes from {} to {} each second: the spool's \
-                 channel is stuck, or of another machine",
-                percent(spool_pu),
-                percent(least),
-                percent(most)
-            ),
-            Self::Held { signal, jumps, share, held_s } => format!(
-                "{} is held for {held_s:.2} s again and again and then jumps, {jumps} times, {:.0} % of its travel: its values are newer at the \
-                 source than in the recording",
-                signal.id(),
-                share * 100.0
-            ),
-            Self::Unrelated { correlation } if correlation < TURNED => format!(
-                "the servomotor moves against its spool (correlation of speed and spool {correlation:.2}): one of the two is turned, or time runs \
-                 backwards"
-            ),
-            Self::Unrelated { correlation } => format!(
-                "spool and speed of the servomotor have nothing to do with each other (correlation {correlation:.2}): they are of two machines, or one of \
-                 the channels is another"
-            ),
-            Self::TooFast { pu_s, time_ns } => format!(
-                "the servomotor runs {pu_s:.1} strokes each second (at {time_ns} ns), and none does: is time in another unit?"
-            ),
-            Self::TooShort { duration_s } => format!(
-                "the recording lasts {duration_s:.2} s, in which the servomotor moves: is time in another unit?"
-            ),
-            Self::TooSlow { apart_s } => format!(
-                "samples lie {apart_s:.0} s apart while the servomotor moves, and its processes take seconds: is time in another unit?"
-            ),
-        }
     }
 }

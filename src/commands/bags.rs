@@ -1,6 +1,7 @@
 //! Which bags a command line names: files, bag folders, and folders that hold many bags; and all of them read for a fit.
 
 mod excerpts;
+mod pressure;
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -12,13 +13,15 @@ use govtwin_bag::{Health, Interpolation, Positions, ReadOptions, Stream, Topics,
 use govtwin_diagnosis::result::NEXT_TEST;
 use govtwin_files::look_at;
 use govtwin_model::parameters::Unit;
-use govtwin_model::params::quantity_text;
 use govtwin_model::recording::Recording;
 use tempfile::TempDir;
 
 use super::output::say;
 use super::{import, usage};
 use excerpts::Taken;
+use pressure::other_unit;
+
+pub use pressure::doubt_of_pressure;
 
 /// Folders within folders deeper than this are a mistake.
 const DEEPEST: usize = 16;
@@ -271,45 +274,6 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, positions: Positions
 fn untrusted(taken: &Taken, topics: &Topics, unit: &Unit) -> Option<String> {
     let of_other = || taken.recordings.iter().find_map(|recording| other_unit(recording, topics, unit));
     taken.health.disqualified().or_else(of_other)
-}
-
-/// Units in which a pressure may have been sent by mistake, Pa.
-const OTHER_UNITS_PA: [(&str, f64); 4] = [("bar", 1e5), ("kPa", 1e3), ("MPa", 1e6), ("psi", 6894.757)];
-
-/// A median pressure outside of this share of the sheet's is worth a word: an accumulator gives a tenth of its pressure at most.
-const LIKE_SHEET: std::ops::RangeInclusive<f64> = 0.8..=1.25;
-/// And outside of this one the recording is of another unit, or another channel's.
-const OF_UNIT: std::ops::RangeInclusive<f64> = 0.55..=1.8;
-
-/// The median tank pressure of a recording, as a share of the sheet's, and in words.
-fn pressure_of(recording: &Recording, topics: &Topics, unit: &Unit) -> Option<(f64, String)> {
-    let pressures_pa = recording.frames.iter().map(|frame| frame.inputs.tank_pressure_pa);
-    let mut pressures_pa: Vec<f64> = pressures_pa.filter(|pressure_pa| pressure_pa.is_finite()).collect();
-    let middle = pressures_pa.len() / 2;
-    if pressures_pa.is_empty() {
-        return None;
-    }
-    let median_pa = *pressures_pa.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let sheet_pa = unit.parameters.oil.tank_pressure_pa;
-    let topic = topics.of(Stream::TankPressure);
-    let (found, expected) = (quantity_text(median_pa, "Pa"), quantity_text(sheet_pa, "Pa"));
-    let meant = OTHER_UNITS_PA.iter().find(|(_, in_pa)| (0.5..=2.0).contains(&(median_pa * in_pa / sheet_pa)));
-    let meant = meant.map(|(name, _)| format!("; was it sent in {name}?")).unwrap_or_default();
-    Some((median_pa / sheet_pa, format!("{topic}: the median is {found}, the sheet says {expected}{meant}")))
-}
-
-/// What is to be said of a tank pressure that is not the sheet's: it may have another unit, or be of another machine.
-pub fn doubt_of_pressure(recording: &Recording, topics: &Topics, unit: &Unit) -> Option<String> {
-    let (share, words) = pressure_of(recording, topics, unit)?;
-    (!LIKE_SHEET.contains(&share)).then_some(words)
-}
-
-/// Why a recording cannot be of the unit of a sheet.
-fn other_unit(recording: &Recording, topics: &Topics, unit: &Unit) -> Option<String> {
-    let (share, words) = pressure_of(recording, topics, unit)?;
-    (!OF_UNIT.contains(&share)).then(|| {
-        format!("{words}: the recording is not of this unit, or the pressure is another channel's; name the sheet of its unit with --params")
-    })
 }
 
 /// All bags that the paths name, each once, in the order given and by name within a folder.

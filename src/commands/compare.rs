@@ -11,7 +11,7 @@ use govtwin_correction::model::Model;
 use govtwin_correction::row::RateOfInputs;
 use govtwin_correction::split::{RowSplit, seven_to_three};
 use govtwin_correction::table::FeatureTable;
-use govtwin_diagnosis::identification::calibration::parts;
+use govtwin_diagnosis::identification::calibration::PARTS;
 use govtwin_diagnosis::replay_summary::cut_id;
 use govtwin_lab::comparison::ablation::{Parents, STEPS, ablation, same_rows};
 use govtwin_lab::comparison::breakdown::{ErrorBreakdown, breakdown};
@@ -221,7 +221,7 @@ fn refitted(args: &Args, ready: &TrainingData, split: &RowSplit) -> anyhow::Resu
     for id in &effects {
         super::generate::effect::known(unit, id)?;
     }
-    let progress = Progress::new(parts(1), "parts of the refit");
+    let progress = Progress::new(PARTS, "parts of the refit");
     let recordings = teaching(&ready.recordings, &ready.table, split);
     Ok(refit(&recordings, unit, &effects, grid_ns(unit), &|| progress.step()))
 }

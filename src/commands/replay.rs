@@ -2,6 +2,7 @@
 
 mod files;
 mod ladder;
+mod made;
 pub mod origin;
 mod residual;
 mod rows;
@@ -21,7 +22,6 @@ use govtwin_correction::row::RateOfInputs;
 use govtwin_diagnosis::replay_summary::{ParameterDifferences, RecordingSource, Residual, summarise};
 use govtwin_model::parameters::Unit;
 use govtwin_model::params::{self, Sheet};
-use govtwin_model::provenance::Provenance;
 use govtwin_model::recording::Recording;
 use govtwin_model::replay::Replayed;
 use govtwin_model::replay::between::trips_amid;
@@ -34,8 +34,8 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
 use super::{model, provenance, rate_of_inputs};
-use validation::Requirements;
 use crate::commands::{Outcome, usage};
+use validation::Requirements;
 
 /// The page.
 const PAGE: &str = "replay.html";
@@ -252,7 +252,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         text += &validation::text(&validation);
         summary.validation = Some(validation);
     }
-    let made = describe(args, &sheet, driven.id(), &mapped, &results)?;
+    let made = made::describe(args, &sheet, driven.id(), &mapped, &results)?;
     made.origins().iter().for_each(|origin| text += &format!("{origin}\n"));
     summary.provenance = Some(made);
     if args.json {
@@ -277,39 +277,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let is_kept = summary.validation.as_ref().is_none_or(|validation| validation.passed);
     Ok(if is_kept { outcome } else { Outcome::Failed })
-}
-
-/// What the figures are made from.
-fn describe(
-    args: &Args,
-    sheet: &Sheet,
-    between: &str,
-    mapped: &Mapped,
-    results: &[Result],
-) -> anyhow::Result<Provenance> {
-    let mut made = provenance::new("replay", sheet, None)?;
-    made.unit = provenance::unit_of(&args.bags);
-    made.recordings = provenance::inputs(&results.iter().map(|one| one.read.clone()).collect::<Vec<_>>(), mapped)?;
-    let said = results.iter().flat_map(|one| {
-        let name = &one.replayed.recording.name;
-        one.source.warnings.iter().map(move |warning| format!("{name}: {warning}"))
-    });
-    made.warnings = mapped.warnings.iter().cloned().chain(said).collect();
-    let cut = govtwin_diagnosis::replay_summary::cut_id(args.cut.cut());
-    made.options.extend([("cut".to_owned(), cut.to_owned()), ("rate-of-inputs".to_owned(), between.to_owned())]);
-    for (name, paths) in [("then", &args.then), ("residual", &args.residual)] {
-        let files: Vec<String> =
-            paths.iter().map(|path| Ok(provenance::file(path)?.to_string())).collect::<anyhow::Result<_>>()?;
-        made.options.extend((!files.is_empty()).then(|| (name.to_owned(), files.join(", "))));
-    }
-    made.options.extend(args.adapt.then(|| ("adapt".to_owned(), "given".to_owned())));
-    made.options.extend((!args.require.is_empty()).then(|| ("require".to_owned(), args.require.join(", "))));
-    if let Some(path) = &args.against {
-        let worse_by = format!("{}, worse by at most {} %", provenance::file(path)?, 100.0 * args.worse_by);
-        made.options.insert("against".to_owned(), worse_by);
-    }
-    provenance::options(&args.topics, &args.map, &mut made)?;
-    Ok(made)
 }
 
 fn ladder_text(ladder: &Ladder) -> String {

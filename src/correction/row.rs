@@ -118,7 +118,7 @@ impl RowChannel {
 
     /// Whether it is the twin's word and not an input.
     #[must_use]
-    pub(crate) fn is_model(self) -> bool {
+    pub fn is_model(self) -> bool {
         self >= Self::Model
     }
 }

@@ -96,7 +96,7 @@ pub fn fit(
 ///
 /// # Errors
 /// As [`grow`], and where every fold has too few rows.
-pub(crate) fn out_of_fold(
+pub fn out_of_fold(
     table: &FeatureTable,
     folds: &[RowSplit],
     learned: Learned,
@@ -187,7 +187,7 @@ pub fn guard(
 }
 
 /// Trees of the library, for rows of `width` numbers, ready to be walked.
-pub(crate) fn walkable(trees: &[Tree], width: usize) -> Result<Forest, TrainError> {
+pub fn walkable(trees: &[Tree], width: usize) -> Result<Forest, TrainError> {
     Forest::new(trees, width).map_err(|error| TrainError::Library(error.to_string()))
 }
 

@@ -43,9 +43,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::replay_validation::Validation;
 use govtwin_correction::adapt::Adaptation;
 use govtwin_correction::guard::GuardCounts;
-use crate::replay_validation::Validation;
 use govtwin_model::effects;
 use govtwin_model::parameters::{ENTRIES, EffectSetting, Unit};
 use govtwin_model::provenance::Provenance;

@@ -1,3 +1,5 @@
+//! Limits and stored baselines of a replay, tried.
+
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::params::reference;
 use govtwin_model::recording::{Process, Recording};

@@ -75,6 +75,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         }],
         explained_fraction,
         explained_fraction_widened_by: 1.0,
+        regret: None,
         remainder: matches!(verdict, Verdict::Named | Verdict::Class | Verdict::Unknown).then(|| Remainder {
             beside: vec!["backlash".into()],
             explained: explained_fraction,

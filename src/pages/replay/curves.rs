@@ -1,10 +1,10 @@
 //! The pictures of one recording: measured, simulated and their difference over time.
 
-use govtwin_diagnosis::replay_validation::Check;
 use crate::diagnosis::{WORST_S, worst_stretch};
 use crate::draw::{DrawError, Svg, svg};
 use crate::ink::Ink;
 use crate::picture::{EventLine, Panel, Picture, Span};
+use govtwin_diagnosis::replay_validation::Check;
 use govtwin_model::frame::EsvState;
 use govtwin_model::parameters::{Sensor, Sensors};
 use govtwin_model::recording::Recording;

@@ -1,0 +1,111 @@
+//! What cannot be of one machine, and how it is reported.
+
+use super::TURNED;
+use govtwin_model::signal::Signal;
+
+/// What cannot be of one machine, with figures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Impossible {
+    /// Position and command are the same: samples that are, of how many while the command moved, and how many of all to the last bit.
+    Copy { near: u64, moving: u64, equal: u64, all: u64 },
+    /// The servomotor moves away from its command, pu, and so far towards it.
+    Away { away_pu: f64, towards_pu: f64 },
+    /// The same, while spool and servomotor go together: the response comes before the command.
+    Leads { away_pu: f64, towards_pu: f64 },
+    /// It opens while tripped, pu, or stands open: position, pu, at a time, ns, so long after the trip, s.
+    OpensTripped { by_pu: f64, time_ns: i64 },
+    /// It stands open while tripped.
+    StandsTripped { position_pu: f64, time_ns: i64, duration_s: f64 },
+    /// At rest away from its command.
+    RestsElsewhere { position_pu: f64, command_pu: f64, time_ns: i64, duration_s: f64 },
+    /// The spool stands still while the servomotor runs and stops.
+    SpoolStill { spool_pu: f64, time_ns: i64, speeds_pu_s: [f64; 2] },
+    /// The values are held and jump: signal, jumps, share of the travel.
+    Held { signal: Signal, jumps: u64, share: f64, held_s: f64 },
+    /// Speed and spool have nothing to do with each other, or go against each other.
+    Unrelated { correlation: f64 },
+    /// The servomotor is faster than any.
+    TooFast { pu_s: f64, time_ns: i64 },
+    /// The servomotor runs through its process in no time, s.
+    TooShort { duration_s: f64 },
+    /// Samples lie too far apart to show a process.
+    TooSlow { apart_s: f64 },
+}
+
+impl Impossible {
+    /// In words, with the way out.
+    pub(crate) fn words(&self) -> String {
+        let percent = |pu: f64| format!("{:.1} %", pu * 100.0);
+        match *self {
+            Self::Copy { near, moving, equal, all } => format!(
+                "the servomotor position is the command: {equal} of {all} samples are the same to the last bit, and {near} of {moving} while it \
+                 moves are nearer than 0.05 %; one of the two channels is wired to the other"
+            ),
+            Self::Away { away_pu, towards_pu } => format!(
+                "the servomotor moves away from its command, by {} of the stroke in all and {} towards it: time runs backwards, the response \
+                 comes before the command, or the position is turned",
+                percent(away_pu),
+                percent(towards_pu)
+            ),
+            Self::Leads { away_pu, towards_pu } => format!(
+                "the servomotor moves before its command does, {} of the stroke in all against {} behind it: the stamps of command and measured \
+                 state are of two clocks",
+                percent(away_pu),
+                percent(towards_pu)
+            ),
+            Self::OpensTripped { by_pu, time_ns } => format!(
+                "the servomotor opens by {} while the ESV says shutdown (at {time_ns} ns): is the meaning of the ESV the wrong way round?",
+                percent(by_pu)
+            ),
+            Self::StandsTripped { position_pu, time_ns, duration_s } => format!(
+                "the servomotor stands at {} although the ESV has said shutdown for {duration_s:.0} s (at {time_ns} ns): is the meaning of the \
+                 ESV the wrong way round?",
+                percent(position_pu)
+            ),
+            Self::RestsElsewhere { position_pu, command_pu, time_ns, duration_s } => {
+                let meant = match position_pu / command_pu {
+                    ratio if (1.8..2.2).contains(&ratio) => "; the position is doubled",
+                    ratio if (0.45..0.55).contains(&ratio) => "; the position is halved",
+                    _ if (position_pu + command_pu - 1.0).abs() < 0.02 => "; the position is turned, 1 is open",
+                    _ => "",
+                };
+                format!(
+                    "the servomotor rests at {} for {duration_s:.0} s while its command says {} (from {time_ns} ns on): a channel is stuck, scaled, or \
+                     of another machine{meant}",
+                    percent(position_pu),
+                    percent(command_pu)
+                )
+            }
+            Self::SpoolStill { spool_pu, time_ns, speeds_pu_s: [least, most] } => format!(
+                "the spool stands still at {} (from {time_ns} ns on) while the servomotor's speed goes from {} to {} each second: the spool's \
+                 channel is stuck, or of another machine",
+                percent(spool_pu),
+                percent(least),
+                percent(most)
+            ),
+            Self::Held { signal, jumps, share, held_s } => format!(
+                "{} is held for {held_s:.2} s again and again and then jumps, {jumps} times, {:.0} % of its travel: its values are newer at the \
+                 source than in the recording",
+                signal.id(),
+                share * 100.0
+            ),
+            Self::Unrelated { correlation } if correlation < TURNED => format!(
+                "the servomotor moves against its spool (correlation of speed and spool {correlation:.2}): one of the two is turned, or time runs \
+                 backwards"
+            ),
+            Self::Unrelated { correlation } => format!(
+                "spool and speed of the servomotor have nothing to do with each other (correlation {correlation:.2}): they are of two machines, or one of \
+                 the channels is another"
+            ),
+            Self::TooFast { pu_s, time_ns } => format!(
+                "the servomotor runs {pu_s:.1} strokes each second (at {time_ns} ns), and none does: is time in another unit?"
+            ),
+            Self::TooShort { duration_s } => format!(
+                "the recording lasts {duration_s:.2} s, in which the servomotor moves: is time in another unit?"
+            ),
+            Self::TooSlow { apart_s } => format!(
+                "samples lie {apart_s:.0} s apart while the servomotor moves, and its processes take seconds: is time in another unit?"
+            ),
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! What is kept of one signal, or of two, from row to row.
+
+use super::impossible::Impossible;
+use govtwin_model::signal::Signal;
+use govtwin_model::units::seconds_from_nanos;
+
+/// A value that is held for so long, s, in so many samples, and then jumps by more, pu; as a share of all travel, and so many times.
+const HELD_S: f64 = 0.2;
+const HELD_SAMPLES: u64 = 4;
+const HELD_PU: f64 = 0.003;
+const HELD_SHARE: f64 = 0.7;
+const HELD_JUMPS: u64 = 6;
+
+/// A signal whose values may be held.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct HeldWatch {
+    last: Option<(i64, f64)>,
+    since_ns: i64,
+    samples: u64,
+    jumps: u64,
+    jumped: f64,
+    travel: f64,
+    held_s: f64,
+}
+
+impl HeldWatch {
+    pub(super) fn take(&mut self, time_ns: i64, value: f64) {
+        match self.last {
+            Some((_, last)) if last.to_bits() == value.to_bits() => self.samples += 1,
+            Some((_, last)) => {
+                let (step, held_s) = ((value - last).abs(), seconds_from_nanos(time_ns.saturating_sub(self.since_ns)));
+                if step > HELD_PU {
+                    self.travel += step;
+                    if self.samples >= HELD_SAMPLES && held_s >= HELD_S {
+                        self.jumps += 1;
+                        self.jumped += step;
+                        self.held_s += held_s;
+                    }
+                }
+                (self.since_ns, self.samples) = (time_ns, 1);
+            }
+            None => (self.since_ns, self.samples) = (time_ns, 1),
+        }
+        self.last = Some((time_ns, value));
+    }
+
+    pub(super) fn found(&self, signal: Signal) -> Option<Impossible> {
+        let share = self.jumped / self.travel.max(f64::MIN_POSITIVE);
+        let held_s = self.held_s / self.jumps.max(1) as f64;
+        (self.jumps >= HELD_JUMPS && share > HELD_SHARE).then_some(Impossible::Held {
+            signal,
+            jumps: self.jumps,
+            share,
+            held_s,
+        })
+    }
+}
+
+/// Sums for the correlation of the spool with the speed of the servomotor.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Relation {
+    pub(super) n: f64,
+    x: f64,
+    y: f64,
+    xx: f64,
+    yy: f64,
+    xy: f64,
+}
+
+impl Relation {
+    pub(super) fn take(&mut self, x: f64, y: f64) {
+        self.n += 1.0;
+        let (dx, dy) = (x - self.x, y - self.y);
+        self.x += dx / self.n;
+        self.y += dy / self.n;
+        self.xx += dx * (x - self.x);
+        self.yy += dy * (y - self.y);
+        self.xy += dx * (y - self.y);
+    }
+
+    pub(super) fn correlation(&self) -> f64 {
+        let scale = (self.xx * self.yy).sqrt();
+        if scale > 0.0 { self.xy / scale } else { 0.0 }
+    }
+}

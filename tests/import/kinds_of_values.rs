@@ -1,0 +1,252 @@
+//! Values of every spelling, unit and quality, and what columns mean.
+
+use super::*;
+
+#[test]
+fn numbers_of_every_spelling_are_the_same() {
+    let minus = |sign: &str, value: f64, digits: usize| {
+        let number = format!("{:.digits$}", value.abs());
+        if value < 0.0 { format!("{sign}{number}") } else { number }
+    };
+    let grouped = |value: f64, blank: &str| {
+        let number = format!("{value:.1}");
+        let (whole, part) = number.split_once('.').unwrap();
+        let at = whole.len().saturating_sub(3);
+        if at > 0 { format!("{}{blank}{}.{part}", &whole[..at], &whole[at..]) } else { number }
+    };
+    let header = "t [s];cmd [%];servo [%];spool [%];p tank [kPa]";
+    for (what, sign, blank, comma) in [
+        ("minus of typography, narrow blank", "\u{2212}", "\u{202f}", true),
+        ("en dash, no-break blank", "\u{2013}", "\u{a0}", true),
+        ("hyphen of its own, thin blank", "\u{2010}", "\u{2009}", false),
+        ("wide minus, apostrophe", "\u{ff0d}", "'", false),
+        ("minus, curly apostrophe", "\u{2212}", "\u{2019}", false),
+        ("apostrophe before the sign, blank", "'-", " ", true),
+    ] {
+        let point = |text: String| if comma { text.replace('.', ",") } else { text };
+        let text = wide(
+            header,
+            rejection(),
+            |row| point(format!("{:.2}", row.time_s)),
+            |value, k| point(if k == 3 { grouped(value * 100.0, blank) } else { minus(sign, value, 4) }),
+            ";",
+        );
+        assert_proposed(what, &text, rejection());
+    }
+    let quoted = wide(
+        "\"Time [s]\";\"cmd [%]\";\"servo [%]\";\"spool [%]\";\"p tank [bar]\"",
+        rejection(),
+        |row| format!("\"{:.2}\"", row.time_s),
+        |value, _| format!("\"{}\"", minus("'-", value, 4)),
+        ";",
+    );
+    assert_proposed("spreadsheet text", &quoted, rejection());
+    let trailing = wide(
+        &HEADER.replace("Timestamp", "t [s]"),
+        rejection(),
+        |row| format!("{:.2}", row.time_s),
+        |value, _| {
+            if value < 0.0 { format!("{}-", -value) } else { value.to_string() }
+        },
+        ",",
+    );
+    assert_proposed("minus behind the number", &trailing, rejection());
+}
+
+#[test]
+fn units_may_stand_in_the_cells() {
+    for (what, blank, units) in [
+        ("with a blank", " ", ["s", "%", "%", "%", "bar"]),
+        ("without", "", ["s", "%", "%", "%", "bar"]),
+        ("other units", " ", ["ms", "%", "%", "%", "MPa"]),
+    ] {
+        let text = wide(
+            "Time,Command,Gate servo,Spool,Oil pressure tank",
+            rejection(),
+            |row| format!("{}{blank}{}", if units[0] == "ms" { row.time_s * 1e3 } else { row.time_s }, units[0]),
+            |value, k| format!("{}{blank}{}", if units[k + 1] == "MPa" { value / 10.0 } else { value }, units[k + 1]),
+            ",",
+        );
+        assert_proposed(what, &text, rejection());
+    }
+}
+
+#[test]
+fn values_that_are_not_good_are_left_out() {
+    let bad = |k: usize| (300..330).contains(&k);
+    for (what, header, good, not) in [
+        ("OPC DA", "Y.Value [%],Y.Quality", "192", "24"),
+        ("OPC DA, uncertain", "Y.Value [%],Y.Quality", "216", "64"),
+        ("OPC UA", "servo [%],servo StatusCode", "0", "2147483648"),
+        ("words", "servo [%],Status", "Good", "Bad"),
+        ("German words", "servo [%],Status", "gut", "ungültig"),
+        ("a flag", "servo [%],servo_valid", "1", "0"),
+        ("true or false", "servo [%],servo_valid", "TRUE", "FALSE"),
+    ] {
+        let mut text = format!("t [s],cmd [%],spool [%],{header}\n");
+        for (k, row) in rejection().iter().enumerate() {
+            let (value, quality) = if bad(k) { (0.0, not) } else { (row.values[1], good) };
+            let _ = writeln!(text, "{:.2},{},{},{value},{quality}", row.time_s, row.values[0], row.values[2]);
+        }
+        let (rows, outcome, _) = by_proposal(&text).unwrap_or_else(|error| panic!("{what}: {error}"));
+        let found = series(&rows, Target::ServomotorPosition);
+        assert_eq!(found.len(), 970, "{what}: {:?} {:?}", outcome.notes, outcome.warnings);
+        assert!(outcome.notes.iter().any(|note| note.contains("30 values left out")), "{what}: {:?}", outcome.notes);
+        let truth = rejection().iter().enumerate().filter(|(k, _)| !bad(*k)).map(|(_, row)| row.values[1] * 0.01);
+        assert!(found.iter().zip(truth).all(|((_, value), truth)| (value - truth).abs() < 1e-9), "{what}");
+    }
+    // A column that may be a quality, and does not say which of its states is good, is asked about.
+    let mut text = "t [s],cmd [%],servo [%],servo quality\n".to_owned();
+    for (k, row) in rejection().iter().enumerate() {
+        let _ = writeln!(text, "{:.2},{},{},{}", row.time_s, row.values[0], row.values[1], if bad(k) { 3 } else { 7 });
+    }
+    let (_, outcome, _) = by_proposal(&text).unwrap();
+    assert!(outcome.warnings.iter().any(|warning| warning.contains("quality:")), "{:?}", outcome.warnings);
+    let map = "signals: {servomotor_position: {column: servo, quality: servo quality, good: [7]}}\n";
+    let (rows, _) = super::super::rows_of(&text, map).unwrap();
+    assert_eq!(series(&rows, Target::ServomotorPosition).len(), 970);
+}
+
+#[test]
+fn a_broken_transmitter_of_4_to_20_ma_says_nothing() {
+    let mut text = "t [s],servo [mA]\n".to_owned();
+    for (k, row) in rejection().iter().enumerate() {
+        let current = if k % 100 < 3 { 22.5 } else { 4.0 + 0.16 * row.values[1] };
+        let _ = writeln!(text, "{:.2},{current}", row.time_s);
+    }
+    let map = "signals: {servomotor_position: {column: servo, unit: mA, range: [4, 20]}}\n";
+    let (rows, outcome) = super::super::rows_of(&text, map).unwrap();
+    let found = series(&rows, Target::ServomotorPosition);
+    assert!(found.len() == 970 && found.iter().all(|(_, value)| *value < 1.0));
+    assert!(outcome.warnings.iter().any(|warning| warning.contains("30 values left out") && warning.contains("NE 43")));
+}
+
+#[test]
+fn all_signals_of_a_proposal_are_of_one_machine() {
+    let other = recording("practice/case_05/load_rejection.mcap", 4);
+    let names = |unit: &str| {
+        [
+            format!("{unit}Y_CMD [%]"),
+            format!("{unit}Y_POS [%]"),
+            format!("{unit}SPOOL [%]"),
+            format!("{unit}OILP [bar]"),
+        ]
+    };
+    for (first, second) in
+        [("U3_", "U5_"), ("Unit1.", "Unit2."), ("G1 ", "G2 "), ("gov_a_", "gov_b_"), ("north ", "south ")]
+    {
+        let mut text = format!("Time,{},{}\n", names(first).join(","), names(second).join(","));
+        for (one, two) in rejection().iter().zip(&other) {
+            let cells: Vec<String> = one.values.iter().chain(&two.values).map(f64::to_string).collect();
+            let _ = writeln!(text, "{},{}", iso(one), cells.join(","));
+        }
+        let (rows, _, proposal) = by_proposal(&text).unwrap();
+        let places: Vec<&str> = proposal.map.signals.iter().filter_map(|signal| signal.place()).collect();
+        let of = |unit: &str| places.iter().filter(|place| place.starts_with(unit)).count();
+        assert!(places.len() == 4 && (of(first) == 4 || of(second) == 4), "{places:?}");
+        assert!(proposal.open.iter().any(|open| open.starts_with("machines:")), "{:?}", proposal.open);
+        assert_right(first, &rows, if of(first) == 4 { rejection() } else { &other });
+    }
+}
+
+#[test]
+fn what_a_trip_column_means_its_servomotor_shows() {
+    let shutdown = recording("practice/case_03/shutdown.mcap", 4);
+    let trips = shutdown.iter().any(|row| !row.normal);
+    assert!(trips && shutdown.iter().any(|row| row.normal), "a recording with a trip");
+    for (name, normal, trip) in [
+        ("ESV_TRIP", "0", "1"),
+        ("ESV_CLOSED", "0", "1"),
+        ("ESD_ACTIVE", "0", "1"),
+        ("ESV", "1", "0"),
+        ("ESV", "0", "1"),
+        ("ESV_ENERGISED", "1", "0"),
+        ("TRIP", "0", "1"),
+        ("Notschluss", "0", "1"),
+        ("ESV", "NORMAL", "SHUTDOWN"),
+        ("ESV state", "RUN", "STOP"),
+    ] {
+        for rows in [&shutdown[..], rejection()] {
+            let mut text = format!("{HEADER},{name}\n").replace("Timestamp", "t [s]");
+            for row in rows {
+                let cells: Vec<String> = row.values.iter().map(f64::to_string).collect();
+                let _ =
+                    writeln!(text, "{:.2},{},{}", row.time_s, cells.join(","), if row.normal { normal } else { trip });
+            }
+            let (found, _, proposal) = by_proposal(&text).unwrap();
+            let of_esv = proposal.map.signals.iter().find(|signal| signal.target == Target::Esv).unwrap();
+            assert_eq!(of_esv.place(), Some(name), "{:?}", proposal.open);
+            // Only a machine that was at rest all the time leaves a question.
+            let mut state = f64::NAN;
+            for (row, truth) in found.iter().zip(rows) {
+                state = row.value(Target::Esv).unwrap_or(state);
+                assert_eq!(state == 1.0, truth.normal, "{name} {normal}: at {} s {:?}", truth.time_s, of_esv.shutdown);
+            }
+        }
+    }
+}
+
+#[test]
+fn compressed_commands_run_straight_where_the_servomotor_does() {
+    // A slow ramp of which a historian keeps the corners, and points of the servomotor that follows it.
+    let command = |t: f64| (0.3 + 0.04 * (t - 5.0).clamp(0.0, 12.0)) * 100.0;
+    let mut text = "Tag,Timestamp,Value,Status\n".to_owned();
+    let at = |time_s: f64| iso(&Truth { time_s, values: [0.0; 4], normal: true });
+    for time_s in [0.0, 5.0, 17.0, 38.0] {
+        let _ = writeln!(text, "U3.Y_CMD,{},{},Good", at(time_s), command(time_s));
+    }
+    for time_s in [0.0, 5.2, 7.0, 9.5, 12.0, 15.0, 17.1, 17.5, 25.0, 38.0] {
+        let _ = writeln!(text, "U3.SERVO,{},{},Good", at(time_s), command(time_s - 0.2));
+    }
+    let map = "file: {tag_column: Tag, value_column: Value}\nsignals:\n  opening_command: {column: U3.Y_CMD, unit: \"%\"}\n  \
+               servomotor_position: {column: U3.SERVO, unit: \"%\"}\n";
+    let (rows, outcome) = super::super::rows_of(&text, map).unwrap();
+    let found = series(&rows, Target::OpeningCommand);
+    assert!(found.len() > 1000, "{:?}", outcome.notes);
+    assert!(found.iter().all(|(time_s, value)| (value * 100.0 - command(*time_s)).abs() < 0.1));
+    assert_eq!(series(&rows, Target::ServomotorPosition).len(), 10, "what is measured stays where it was");
+    // Resampled, as a map may ask for, it runs straight as well.
+    let (rows, _) = super::super::rows_of(&text, &format!("resample: {{rate_hz: 50}}\n{map}")).unwrap();
+    assert!(
+        series(&rows, Target::OpeningCommand)
+            .iter()
+            .all(|(time_s, value)| (value * 100.0 - command(*time_s)).abs() < 0.1)
+    );
+    // A command that is recorded when it changes holds.
+    let steps: String = text.lines().filter(|line| !line.contains("SERVO")).map(|line| format!("{line}\n")).collect();
+    let held = |t: f64| if t < 17.0 { 30.0 } else { 78.0 };
+    let servo: String =
+        (0..38).map(|k| format!("U3.SERVO,{},{},Good\n", at(f64::from(k)), held(f64::from(k) - 0.5))).collect();
+    let (rows, _) = super::super::rows_of(&format!("{steps}{servo}"), map).unwrap();
+    assert_eq!(series(&rows, Target::OpeningCommand).len(), 4);
+    // Where nothing shows it, it is asked.
+    let (_, outcome) = super::super::rows_of(
+        &steps,
+        "file: {tag_column: Tag, value_column: Value}\nsignals:\n  opening_command: {column: U3.Y_CMD, unit: \"%\"}\n",
+    )
+    .unwrap();
+    assert!(outcome.warnings.iter().any(|warning| warning.contains("between: line")), "{:?}", outcome.warnings);
+}
+
+#[test]
+fn two_levels_are_no_saturation() {
+    let mut text = "t [s],cmd [%],servo [%]\n".to_owned();
+    for k in 0..2000 {
+        let level = if k / 400 % 2 == 0 { 30.0 } else { 60.0 };
+        let _ = writeln!(text, "{:.2},{level},{level}", f64::from(k) * 0.01);
+    }
+    let map = "signals: {servomotor_position: {column: servo}}\n";
+    let (_, outcome) = super::super::rows_of(&text, map).unwrap();
+    assert!(!outcome.warnings.iter().any(|warning| warning.contains("saturated")), "{:?}", outcome.warnings);
+}
+
+#[test]
+fn formats_that_are_not_read_are_named_with_the_way_out() {
+    for (bytes, words) in
+        [(&b"MDF     4.10    asammdf "[..], "MDF"), (b"--- file type: CFG ---\r\nSTATION,1,1999\r\n", "COMTRADE")]
+    {
+        let (_folder, path) = file("t.dat", bytes);
+        let error = propose(&path).unwrap_err().to_string();
+        assert!(error.contains(words) && error.contains("CSV"), "{error}");
+    }
+}
