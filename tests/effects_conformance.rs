@@ -67,7 +67,7 @@ const NO_EFFECTS: [&str; 3] = ["own.rs", "on_unit.rs", "scaling.rs"];
 
 #[test]
 fn every_file_is_registered_once() {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src/effects");
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src/model/effects");
     let mut files: Vec<String> = std::fs::read_dir(folder)
         .unwrap()
         .map(|entry| entry.unwrap().path())

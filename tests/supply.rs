@@ -94,7 +94,8 @@ fn the_bill_of_materials_is_whole_and_the_same_again() {
     assert!(!names.contains("criterion") && !names.contains("proptest"), "what only tests know is not in it");
     // Cargo has the sum of everything but what stands in this tree.
     let unsummed: Vec<String> = components.iter().filter(|one| one["hashes"].is_null()).map(name).collect();
-    assert_eq!(unsummed, ["rustdds"]);
+    let others: Vec<&String> = unsummed.iter().filter(|name| !name.starts_with("govtwin-")).collect();
+    assert_eq!(others, ["rustdds"]);
     let text = String::from_utf8(bytes).unwrap();
     assert!(!text.contains(TOP), "no path of this machine");
 }

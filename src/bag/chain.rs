@@ -32,17 +32,10 @@ const COPY_PU: f64 = 5e-4;
 const COPY_SHARE: f64 = 0.95;
 const COPY_SAMPLES: u64 = 20;
 /// A position within this band stands still, pu.
-const STILL_PU: [f64; 2] = [0.004, 0.01];
+const STILL_PU: f64 = 0.004;
 /// At rest so far from its command, pu, for so long, s.
 const REST_PU: f64 = 0.04;
 const REST_S: f64 = 6.0;
-/// Nearer than this to the end of its stroke the servomotor may be stopped or cushioned, pu.
-const END_PU: f64 = 0.15;
-/// With one position of the spool, once the servomotor has settled, s, it does not run faster than the one and stand slower than the other, pu/s;
-/// that a cushion or a load brakes it is no contradiction.
-const RUNS_PU_S: f64 = 0.05;
-const STANDS_PU_S: f64 = 0.01;
-const SETTLES_S: f64 = 1.0;
 /// A tripped servomotor does not open by so much, pu, once so long has passed, s, and is not that far open after so long, s.
 const OPENS_PU: f64 = 0.03;
 const TRIPPED_S: f64 = 1.0;
@@ -76,10 +69,8 @@ struct Seen {
 struct StillRun {
     least: f64,
     most: f64,
-    from_ns: i64,
     /// Since when the command is elsewhere, ns.
     away_since_ns: Option<i64>,
-    speeds: [f64; 2],
 }
 
 /// The last row at which a speed was taken, and sums of the spool since.
@@ -114,8 +105,6 @@ pub(crate) struct ChainEvidence {
     stands: Option<Impossible>,
     rest: Option<StillRun>,
     rests: Option<Seen>,
-    spool_still: Option<StillRun>,
-    spool_stuck: Option<Impossible>,
     held: [HeldWatch; 2],
     relation: Relation,
     fast: (u32, f64),
@@ -141,7 +130,6 @@ impl ChainEvidence {
         if spool.is_finite() {
             self.held[1].take(time_ns, spool);
             self.spool_ends = wider(self.spool_ends, spool);
-            self.spool_row(time_ns, spool, servo);
         }
         if !servo.is_finite() {
             return;
@@ -243,8 +231,8 @@ impl ChainEvidence {
 
     fn rested(&mut self, time_ns: i64, command: f64, servo: f64, normal: bool) {
         let (least, most) = self.rest.map_or((servo, servo), |run| (run.least.min(servo), run.most.max(servo)));
-        if most - least > STILL_PU[0] || !normal || self.rest.is_none() {
-            let run = StillRun { least: servo, most: servo, from_ns: time_ns, away_since_ns: None, speeds: [0.0; 2] };
+        if most - least > STILL_PU || !normal || self.rest.is_none() {
+            let run = StillRun { least: servo, most: servo, away_since_ns: None };
             self.rest = normal.then_some(run);
         }
         let Some(run) = &mut self.rest else { return };
@@ -259,32 +247,6 @@ impl ChainEvidence {
         let duration_s = seconds_from_nanos(time_ns.saturating_sub(since_ns));
         if duration_s > REST_S && self.rests.is_none_or(|rests| rests.duration_s < duration_s) {
             self.rests = Some(Seen { time_ns: since_ns, position_pu: servo, command_pu: command, duration_s });
-        }
-    }
-
-    /// With one position of the spool the servomotor has one speed.
-    fn spool_row(&mut self, time_ns: i64, spool: f64, servo: f64) {
-        let (least, most) = self.spool_still.map_or((spool, spool), |run| (run.least.min(spool), run.most.max(spool)));
-        if most - least > STILL_PU[1] || self.spool_still.is_none() {
-            let speeds = [f64::INFINITY, 0.0];
-            self.spool_still =
-                Some(StillRun { least: spool, most: spool, from_ns: time_ns, away_since_ns: None, speeds });
-            return;
-        }
-        let Some(run) = &mut self.spool_still else { return };
-        (run.least, run.most) = (least, most);
-        let settled = seconds_from_nanos(time_ns.saturating_sub(run.from_ns)) > SETTLES_S;
-        if !settled || !(END_PU..=1.0 - END_PU).contains(&servo) {
-            return;
-        }
-        run.speeds = [run.speeds[0].min(self.speed.abs()), run.speeds[1].max(self.speed.abs())];
-        if run.speeds[1] > RUNS_PU_S && run.speeds[0] < STANDS_PU_S {
-            let speeds_pu_s = run.speeds;
-            self.spool_stuck.get_or_insert(Impossible::SpoolStill {
-                spool_pu: spool,
-                time_ns: run.from_ns,
-                speeds_pu_s,
-            });
         }
     }
 
@@ -319,7 +281,6 @@ impl ChainEvidence {
         found.extend(self.rests.map(|Seen { time_ns, position_pu, command_pu, duration_s }| {
             Impossible::RestsElsewhere { position_pu, command_pu, time_ns, duration_s }
         }));
-        found.extend(self.spool_stuck);
         found.extend(self.held[0].found(Signal::ServomotorPosition));
         found.extend(self.held[1].found(Signal::SpoolPosition));
         let duration_s = self

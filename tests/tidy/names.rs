@@ -19,6 +19,8 @@ const SYMBOLS: &[&str] = &["m", "m²", "m³", "s", "s²", "Pa", "N", "kg", "rad"
 
 /// Places whose numbers have no unit of their own.
 const ELSEWHERE: &[(&str, &str)] = &[
+    ("src/bag/chain.rs", "positions in pu and speeds in pu/s, sums of both"),
+    ("src/bag/chain/", "positions in pu and speeds in pu/s, sums of both"),
     ("src/bag/channel.rs", "numbers of any channel, in the unit of its signal"),
     ("src/bag/evidence.rs", "numbers of any channel, in the unit of its signal"),
     ("src/bag/import/", "values are in the unit that a map states for them"),

@@ -18,8 +18,6 @@ pub(crate) enum Impossible {
     StandsTripped { position_pu: f64, time_ns: i64, duration_s: f64 },
     /// At rest away from its command.
     RestsElsewhere { position_pu: f64, command_pu: f64, time_ns: i64, duration_s: f64 },
-    /// The spool stands still while the servomotor runs and stops.
-    SpoolStill { spool_pu: f64, time_ns: i64, speeds_pu_s: [f64; 2] },
     /// The values are held and jump: signal, jumps, share of the travel.
     Held { signal: Signal, jumps: u64, share: f64, held_s: f64 },
     /// Speed and spool have nothing to do with each other, or go against each other.
@@ -76,13 +74,6 @@ impl Impossible {
                     percent(command_pu)
                 )
             }
-            Self::SpoolStill { spool_pu, time_ns, speeds_pu_s: [least, most] } => format!(
-                "the spool stands still at {} (from {time_ns} ns on) while the servomotor's speed goes from {} to {} each second: the spool's \
-                 channel is stuck, or of another machine",
-                percent(spool_pu),
-                percent(least),
-                percent(most)
-            ),
             Self::Held { signal, jumps, share, held_s } => format!(
                 "{} is held for {held_s:.2} s again and again and then jumps, {jumps} times, {:.0} % of its travel: its values are newer at the \
                  source than in the recording",
