@@ -274,10 +274,11 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
     }
     for impossible in rows.chain.iter().flat_map(ChainEvidence::found) {
         let severity = match impossible {
-            // A slow logger may be all that there is.
-            Impossible::TooSlow { .. } | Impossible::TooShort { .. } | Impossible::Held { .. } => Severity::Warning,
-            // A diagnosis finds the offset of the clocks.
-            Impossible::Leads { .. } => Severity::Warning,
+            // A slow logger may be all that there is, and a diagnosis finds the offset of the clocks.
+            Impossible::TooSlow { .. }
+            | Impossible::TooShort { .. }
+            | Impossible::Held { .. }
+            | Impossible::Leads { .. } => Severity::Warning,
             _ => Severity::Disqualified,
         };
         Found::new(topic, &mut found).add(severity, Kind::Impossible, impossible.words());

@@ -187,6 +187,9 @@ pub fn guard(
 }
 
 /// Trees of the library, for rows of `width` numbers, ready to be walked.
+///
+/// # Errors
+/// Where the library gave trees that are none.
 pub fn walkable(trees: &[Tree], width: usize) -> Result<Forest, TrainError> {
     Forest::new(trees, width).map_err(|error| TrainError::Library(error.to_string()))
 }

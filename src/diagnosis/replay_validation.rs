@@ -81,7 +81,7 @@ pub fn short_name(signal: Signal) -> &'static str {
         Signal::SpoolPosition => "spool",
         Signal::PilotValvePosition => "pilot_valve",
         Signal::ControlPressure => "control_pressure",
-        _ => "servomotor",
+        Signal::ServomotorPosition => "servomotor",
     }
 }
 
@@ -160,7 +160,7 @@ fn parse(text: &str) -> Result<RequiredLimit, String> {
         [process, signal, measure] => (Some(process), signal, measure),
         _ => return Err(format!("found {} names before {}", parts.len(), side.sign())),
     };
-    let process = process.map(|name| named("process", name, &Process::ALL, |one| one.id())).transpose()?;
+    let process = process.map(|name| named("process", name, &Process::ALL, Process::id)).transpose()?;
     let signal = Signal::ALL
         .into_iter()
         .find(|one| one.id() == signal)
@@ -289,6 +289,7 @@ impl Check {
 
 impl fmt::Display for Check {
     /// One line: whose figure, its value, and the bound.
+    #[expect(clippy::single_match_else, reason = "the two ways read alike")]
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let shown = |value: f64| match self.unit {
             "pu" => format!("{} %", govtwin_model::number::significant(100.0 * value, 3)),

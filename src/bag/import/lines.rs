@@ -3,6 +3,7 @@
 //! Measured signals stay at their points: these are measurements, and what lies between is not. The command drives the twin, so that it matters what
 //! it does between two points. Which of the two is meant the servomotor shows, which follows it.
 
+use govtwin_model::units::nanos_from_seconds;
 use std::collections::VecDeque;
 
 use super::row::{ImportedRow, Target};
@@ -86,7 +87,7 @@ impl SparsePoints {
         }
         let (mut hold, mut line, mut apart_pu) = (vec![], vec![], 0.0_f64);
         for (time_ns, position) in &self.servomotor {
-            let Some((held, straight)) = self.at(time_ns - (FOLLOWS_S * 1e9) as i64) else { continue };
+            let Some((held, straight)) = self.at(time_ns - nanos_from_seconds(FOLLOWS_S)) else { continue };
             apart_pu = apart_pu.max((held - straight).abs());
             if (held - straight).abs() > MATTERS_PU {
                 hold.push((position - held).abs());
@@ -137,10 +138,10 @@ impl Lines {
         let Some(value) = row.value(Target::OpeningCommand) else {
             let waits = self.last.is_some() && self.waiting.len() < MOST_WAITING;
             if waits {
-                self.waiting.push_back(row)
+                self.waiting.push_back(row);
             } else {
-                self.flush(Some(row))
-            };
+                self.flush(Some(row));
+            }
             return;
         };
         if let Some((from_ns, from)) = self.last.filter(|(from_ns, _)| row.time_ns > *from_ns) {
@@ -152,13 +153,12 @@ impl Lines {
                 let share = (time_ns - from_ns) as f64 / (row.time_ns - from_ns) as f64;
                 let here = self.waiting.front_mut().filter(|waiting| waiting.time_ns == time_ns);
                 let on_line = from + share * (value - from);
-                match here {
-                    Some(here) => here.set(Target::OpeningCommand, on_line),
-                    None => {
-                        let mut point = ImportedRow::at(time_ns);
-                        point.set(Target::OpeningCommand, on_line);
-                        self.ready.push_back(point);
-                    }
+                if let Some(here) = here {
+                    here.set(Target::OpeningCommand, on_line);
+                } else {
+                    let mut point = ImportedRow::at(time_ns);
+                    point.set(Target::OpeningCommand, on_line);
+                    self.ready.push_back(point);
                 }
                 self.added += 1;
                 time_ns = time_ns.saturating_add(PERIOD_NS);

@@ -28,9 +28,8 @@ fn belongs(report: &DiagnosisReport, fitted: &Path, unit: &Unit) -> anyhow::Resu
         let found = provenance::file(fitted)?.sha256;
         if found != *stated {
             bail!(
-                "{shown}: expected the twin of the report beside it (SHA-256 {:.12}), found another file ({found:.12}), changed or of another \
+                "{shown}: expected the twin of the report beside it (SHA-256 {stated:.12}), found another file ({found:.12}), changed or of another \
                  diagnosis; {way_out}",
-                stated
             );
         }
         return Ok(());

@@ -83,9 +83,8 @@ impl Quality {
             (_, ChannelValue::Missing) => true,
             (Self::OpcDa, _) => number.is_some_and(|number| (OPC_DA_GOOD..256.0).contains(&number)),
             (Self::OpcUa, _) => number.is_some_and(|number| (0.0..OPC_UA_NOT_GOOD).contains(&number)),
-            (Self::Flag, ChannelValue::Text(text)) => is_word(text, &GOOD),
+            (Self::Flag | Self::Words, ChannelValue::Text(text)) => is_word(text, &GOOD),
             (Self::Flag, _) => number == Some(1.0),
-            (Self::Words, ChannelValue::Text(text)) => is_word(text, &GOOD),
             (Self::Words, _) => false,
             (Self::Listed(good), ChannelValue::Text(text)) => {
                 good.iter().any(|word| word.eq_ignore_ascii_case(text.trim()))

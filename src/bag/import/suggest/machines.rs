@@ -4,6 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::names::{is_known, words};
 
+/// Pairs of columns that differ in one word, by the two words.
+type Pairs = BTreeMap<(String, String), Vec<(usize, usize, usize)>>;
+
 /// Signals that must differ by the same two words: numbers and letters, and other words, which also tell signals apart.
 const FEWEST: usize = 2;
 const FEWEST_WORDS: usize = 3;
@@ -33,7 +36,7 @@ type Context = (Option<String>, Option<String>);
 pub(super) fn machines<'a>(names: impl Iterator<Item = &'a str>) -> Machines {
     let names: Vec<Vec<String>> = names.take(MOST_COLUMNS).map(|name| words(&without_indices(name))).collect();
     // Pairs of columns that differ in one word, by the two words.
-    let mut pairs: BTreeMap<(String, String), Vec<(usize, usize, usize)>> = BTreeMap::new();
+    let mut pairs = Pairs::new();
     for (first, one) in names.iter().enumerate() {
         for (second, other) in names.iter().enumerate().skip(first + 1).filter(|(_, other)| other.len() == one.len()) {
             let mut differ = (0..one.len()).filter(|place| one[*place] != other[*place]);
@@ -74,7 +77,7 @@ pub(super) fn machines<'a>(names: impl Iterator<Item = &'a str>) -> Machines {
 }
 
 /// The words that belong together and tell most columns apart.
-fn most_columns(pairs: &BTreeMap<(String, String), Vec<(usize, usize, usize)>>) -> Option<BTreeSet<String>> {
+fn most_columns(pairs: &Pairs) -> Option<BTreeSet<String>> {
     let mut groups: Vec<(BTreeSet<String>, BTreeSet<usize>)> = vec![];
     for ((one, other), columns) in pairs {
         let mut group = (BTreeSet::from([one.clone(), other.clone()]), BTreeSet::new());

@@ -93,6 +93,7 @@ type Evidence = Vec<[(f64, Vec<String>); Target::ALL.len()]>;
 const TIE: f64 = 0.5;
 
 /// Columns chosen for the signals, and how columns hang together.
+#[expect(clippy::struct_field_names, reason = "what was chosen, and what hangs together")]
 struct Chosen {
     chosen: Vec<Choice>,
     related: Vec<usize>,
