@@ -217,7 +217,7 @@ fn compressed_commands_run_straight_where_the_servomotor_does() {
     let held = |t: f64| if t < 17.0 { 30.0 } else { 78.0 };
     let servo: String =
         (0..38).map(|k| format!("U3.SERVO,{},{},Good\n", at(f64::from(k)), held(f64::from(k) - 0.5))).collect();
-    let (rows, _) = super::super::rows_of(&format!("{steps}{servo}"), map).unwrap();
+    let (rows, _) = super::super::rows_of(format!("{steps}{servo}"), map).unwrap();
     assert_eq!(series(&rows, Target::OpeningCommand).len(), 4);
     // Where nothing shows it, it is asked.
     let (_, outcome) = super::super::rows_of(
