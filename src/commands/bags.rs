@@ -73,6 +73,7 @@ impl TopicArgs {
         topics
     }
 
+    #[cfg(feature = "lab")]
     /// The arguments again, for a process of our own.
     pub fn arguments(&self) -> Vec<String> {
         let named = self.named.iter().flat_map(|(stream, name)| ["--topic".to_owned(), format!("{stream}={name}")]);
@@ -302,6 +303,7 @@ pub fn find(paths: &[PathBuf]) -> anyhow::Result<Vec<Bag>> {
     Ok(found.into_iter().zip(names).map(|(path, name)| Bag { path, name }).collect())
 }
 
+#[cfg(feature = "lab")]
 /// Whether a path is a folder with bags in it.
 pub fn holds_bags(path: &Path) -> anyhow::Result<bool> {
     let mut found = vec![];

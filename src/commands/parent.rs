@@ -6,6 +6,7 @@ use std::process::Command;
 /// By which a child knows whose it is.
 const PARENT: &str = "GOVTWIN_PARENT";
 
+#[cfg(feature = "lab")]
 /// Tells a child whose it is.
 pub fn tell(command: &mut Command) {
     command.env(PARENT, std::process::id().to_string());

@@ -104,6 +104,7 @@ pub fn options(topics: &TopicArgs, map: &MapArgs, made: &mut Provenance) -> anyh
     Ok(())
 }
 
+#[cfg(feature = "lab")]
 /// The files of bags with their digests; what cannot be read has none.
 pub fn files_of_bags(bags: &[bags::Bag]) -> Vec<FileUsed> {
     let files = bags.iter().flat_map(|bag| files_of(&bag.path).unwrap_or_default());
