@@ -1,14 +1,12 @@
 //! Children end with their parent: a diagnosis that `blind` started writes into a folder of its own, and must not go on there where `blind`
 //! was killed.
 
-use std::process::Command;
-
 /// By which a child knows whose it is.
 const PARENT: &str = "GOVTWIN_PARENT";
 
 #[cfg(feature = "lab")]
 /// Tells a child whose it is.
-pub fn tell(command: &mut Command) {
+pub fn tell(command: &mut std::process::Command) {
     command.env(PARENT, std::process::id().to_string());
 }
 

@@ -12,7 +12,7 @@ use govtwin_model::params::{self, Sheet};
 use govtwin_model::provenance::{FileUsed, Provenance, RecordingGiven, SheetUsed};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
-use super::bags::{self, GivenBag, MapArgs, Mapped, TopicArgs};
+use super::bags::{GivenBag, MapArgs, Mapped, TopicArgs};
 use super::replay::origin;
 
 /// Program and version, as reports name it.
@@ -106,7 +106,7 @@ pub fn options(topics: &TopicArgs, map: &MapArgs, made: &mut Provenance) -> anyh
 
 #[cfg(feature = "lab")]
 /// The files of bags with their digests; what cannot be read has none.
-pub fn files_of_bags(bags: &[bags::Bag]) -> Vec<FileUsed> {
+pub fn files_of_bags(bags: &[super::bags::Bag]) -> Vec<FileUsed> {
     let files = bags.iter().flat_map(|bag| files_of(&bag.path).unwrap_or_default());
     files.filter_map(|path| file(&path).ok()).collect()
 }
