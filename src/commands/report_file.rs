@@ -148,7 +148,7 @@ fn within(place: &str, figure: &Value) -> anyhow::Result<()> {
     let room = SAME * value.abs().max(low.abs()).max(high.abs());
     if low <= high && !(low - room..=high + room).contains(&value) {
         let place = if place.is_empty() { "value" } else { place };
-        bail!("{place}: expected a value in its interval [{low}, {high}], found {value}");
+        bail!("{place}: expected a value in its interval [{low}, {high}], found {}", figure["value"]);
     }
     Ok(())
 }

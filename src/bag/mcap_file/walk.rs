@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn a_thread_of_its_own_finds_the_same_in_sound_and_in_damaged_files() {
-        let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus/bag");
+        let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/bag");
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.mcap");
         let mut seed = 1_u64;

@@ -151,7 +151,7 @@ mod tests {
     use super::Tape;
 
     fn tape(topics: &[&str], length: Option<Duration>) -> Option<Tape> {
-        let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/shutdown_01.mcap");
+        let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../bags/reference/shutdown_01.mcap");
         Tape::open(bag, topics.iter().map(|&topic| topic.to_owned()).collect(), length).unwrap().0
     }
 
