@@ -65,10 +65,12 @@ pub(super) fn translated(topic: &str, difference: &str, count: u64) -> Finding {
 }
 
 /// Streams whose clocks differ.
-pub(super) fn other_clock(least: &str, by_s: f64) -> String {
+pub(super) fn other_clock(other: &str, by_s: f64) -> String {
+    let side = if by_s > 0.0 { "behind" } else { "ahead of" };
     format!(
-        "its stamps lie {by_s:.3} s behind those of {least}, while both were recorded at the same time: two clocks, or one of them late; \
-         `--stamp log` aligns all topics by the time of recording"
+        "its stamps lie {:.3} s {side} those of {other}, while both were recorded at the same time: two clocks, or one of them late; \
+         `--stamp log` aligns all topics by the time of recording",
+        by_s.abs()
     )
 }
 

@@ -147,14 +147,16 @@ const ROUNDED_PU: f64 = 0.001;
 /// Fewer numbers than this are no evidence of their kind.
 const FEW: u64 = 20;
 
-/// Streams whose stamps lie behind those of the earliest clock: topic, that of the other, and by how much, s.
+/// Streams whose stamps lie behind (above 0) or ahead of those of the middle clock: topic, that of the other, and by how much, s. Of two streams the
+/// earlier clock counts as right.
 fn apart<'a>(streams: impl Iterator<Item = (&'a str, &'a StreamEvidence)>) -> Vec<(&'a str, &'a str, f64)> {
     let many = streams.filter(|(_, evidence)| evidence.samples >= FEW);
-    let delays: Vec<(&str, f64)> =
+    let mut delays: Vec<(&str, f64)> =
         many.filter_map(|(topic, evidence)| Some((topic, evidence.clock.least_delay_s()?))).collect();
-    let Some(least) = delays.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { return vec![] };
-    let later = delays.iter().map(|(topic, delay_s)| (*topic, least.0, delay_s - least.1));
-    later.filter(|(_, _, by_s)| *by_s > CLOCKS_S).collect()
+    delays.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let Some(middle) = delays.get(delays.len().saturating_sub(1) / 2).copied() else { return vec![] };
+    let others = delays.iter().map(|(topic, delay_s)| (*topic, middle.0, delay_s - middle.1));
+    others.filter(|(_, _, by_s)| by_s.abs() > CLOCKS_S).collect()
 }
 
 /// Refuses a bag whose streams are stamped by clocks that have nothing to do with each other.
@@ -167,7 +169,7 @@ pub(super) fn check_clocks(
     evidence: &[StreamEvidence; 4],
 ) -> Result<(), BagError> {
     let streams = healths.iter().zip(evidence).map(|(health, evidence)| (&*health.topic, evidence));
-    let far = apart(streams).into_iter().find(|(_, _, by_s)| *by_s > OTHER_CLOCK_S);
+    let far = apart(streams).into_iter().find(|(_, _, by_s)| by_s.abs() > OTHER_CLOCK_S);
     far.map_or(Ok(()), |(topic, other, by_s)| {
         let problem = format!("{topic}: {}", findings::other_clock(other, by_s));
         Err(BagError::Clocks { path: path.to_owned(), problem })
@@ -188,7 +190,12 @@ pub(super) fn of_streams(streams: &mut [(&str, &mut StreamEvidence, u64)]) -> Ve
             found.warn(Kind::Outliers, findings::outliers(outliers, count));
         }
     }
+    // A clock that is ahead of the recorder's has been told of.
+    let ahead = |topic: &str| streams.iter().any(|(name, evidence, _)| *name == topic && evidence.clock.ahead > 0);
     for (topic, other, by_s) in apart(streams.iter().map(|(topic, evidence, _)| (*topic, &**evidence))) {
+        if by_s < 0.0 && ahead(topic) {
+            continue;
+        }
         Found::new(topic, &mut found).warn(Kind::OtherClock, findings::other_clock(other, by_s));
     }
     drift(streams, &mut found);
@@ -272,7 +279,10 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
     if rows.signals.iter().all(|signal| signal.channel.count == 0) {
         return found;
     }
-    for impossible in rows.chain.iter().flat_map(ChainEvidence::found) {
+    let impossible: Vec<Impossible> = rows.chain.iter().flat_map(ChainEvidence::found).collect();
+    // A servomotor that rests elsewhere is frozen too, which need not be said twice.
+    let rests = impossible.iter().any(|one| matches!(one, Impossible::RestsElsewhere { .. }));
+    for impossible in impossible {
         let severity = match impossible {
             // A slow logger may be all that there is, and a diagnosis finds the offset of the clocks.
             Impossible::TooSlow { .. }
@@ -315,6 +325,9 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
         };
         let stopped = |frozen: &Still| signal.signal == Signal::ServomotorPosition && at_stop(frozen.value);
         if let Some(frozen) = frozen.filter(|frozen| !cut_off(frozen) && !stopped(frozen)) {
+            if rests && signal.signal == Signal::ServomotorPosition {
+                continue;
+            }
             found.warn(Kind::Frozen, findings::frozen(&frozen, unit));
         } else if signal.channel.least == signal.channel.most {
             found.note(Kind::Constant, findings::constant(signal.channel.least, unit));

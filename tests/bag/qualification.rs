@@ -207,7 +207,7 @@ fn frozen_and_saturated_signals_are_told() {
     let words = ["spool_position_pu stays at 0.0123 pu to the last bit for 30.0 s", "of the stroke: frozen?"];
     only(&health, Kind::Frozen, Severity::Warning, &words);
     let health = read(&plant(60, |_, row| row.servomotor = 0.4));
-    only(&health, Kind::Frozen, Severity::Warning, &["servomotor_position_pu stays at 0.4 pu"]);
+    only(&health, Kind::Impossible, Severity::Disqualified, &["rests at 40.0 %", "a channel is stuck"]);
     let health = read(&plant(60, |_, row| row.servomotor = row.servomotor.min(0.7)));
     only(&health, Kind::Saturated, Severity::Warning, &["samples are 0.7 pu exactly, the end of its range"]);
     // The end of the stroke may be the plant's own.
@@ -249,10 +249,16 @@ fn a_tank_without_pressure_is_disqualified() {
 
 #[test]
 fn commands_beyond_the_stroke_are_told() {
-    let health = read(&plant(40, |_, row| row.opening = (row.opening - 0.5) * 2.0 + 0.5));
+    let stretched = |by: f64| {
+        read(&plant(40, |step, row| {
+            row.opening = (row.opening - 0.5) * by + 0.5;
+            row.servomotor = row.opening.clamp(0.0, 1.0) + noise(step + 3);
+        }))
+    };
+    let health = stretched(2.0);
     let words = ["/governor/command: commands from -0.1 to 1.1 pu; the stroke is 0 to 1 pu"];
     only(&health, Kind::BeyondStroke, Severity::Warning, &words);
-    let health = read(&plant(40, |_, row| row.opening = (row.opening - 0.5) * 1.73 + 0.5));
+    let health = stretched(1.73);
     only(&health, Kind::BeyondStroke, Severity::Note, &["to 1.019 pu"]);
     let (_folder, path) = plant(5, |_, row| row.opening *= 100.0).file(WriteOptions::new());
     let error = read_both_ways(&path, &ReadOptions::default()).unwrap_err().to_string();
