@@ -24,9 +24,10 @@ fn report(verdict: &str, blamed: &[(&str, f64)]) -> String {
     let effects: Vec<String> = blamed
         .iter()
         .map(|(id, p)| {
+            let parameter = find(id).unwrap().parameters[0].name;
             format!(
                 r#"{{"id": "{id}", "stage": "servomotor", "probability": {p}, "closure": {{"value": null, "ci90": [null, null]}},
-                    "parameters": [{{"name": "size", "unit": "1", "value": 1.0, "ci90": [0.9, 1.2]}}]}}"#
+                    "parameters": [{{"name": "{parameter}", "unit": "1", "value": 1.0, "ci90": [0.9, 1.2]}}]}}"#
             )
         })
         .collect();
