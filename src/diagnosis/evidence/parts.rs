@@ -8,9 +8,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use crate::estimation::coordinate::{square, subject_at};
 use crate::estimation::fit::{Effort, Start, fit_all};
 use crate::evidence::law_error::NO_LAW_ERROR;
 use crate::evidence::{KAPPAS, Shared};
+use crate::generate::noise::{Purpose, RandomStreams, Transducer};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::prepared::PreparedRecording;
@@ -42,10 +44,17 @@ pub struct PartFit {
     pub cost: f64,
     /// Independent samples of its outputs.
     pub samples: f64,
+    /// Squares that a right part leaves, each independent sample: noise of its outputs, and what the noise of its input does to them.
+    #[serde(default = "sound")]
+    pub sound: f64,
     /// Logarithm of the evidence of the part as the sheet has it.
     pub evidence: f64,
     /// The same of something unknown in it, by stage.
     pub unknown: BTreeMap<String, f64>,
+}
+
+fn sound() -> f64 {
+    SOUND_MEAN_SQUARE
 }
 
 impl Part {
@@ -73,7 +82,8 @@ impl Part {
         (signal == Signal::ServomotorPosition) == (self == Self::Servomotor)
     }
 
-    /// A recording of the part alone; none where its input or all its outputs were not recorded, or too rarely to show what it does between samples.
+    /// A recording of the part alone; none where its input or all its outputs were not recorded, too rarely to show what it does between samples, or
+    /// with holes through which nothing drives the part.
     fn of(self, recording: &PreparedRecording) -> Option<PreparedRecording> {
         let (cut, fed) = self.fed();
         let mut part = PreparedRecording { cut, ..recording.clone() };
@@ -83,8 +93,43 @@ impl Part {
         if self == Self::Controls {
             smooth(&mut part);
         }
-        (recording.cut == Cut::None && !recording.is_slow() && recording.has[fed as usize] && part.has.contains(&true))
-            .then_some(part)
+        (recording.cut == Cut::None
+            && !recording.is_slow()
+            && recording.has[fed as usize]
+            && longest_hole(&recording.measured(fed)) <= LONGEST_HOLE
+            && part.has.contains(&true))
+        .then_some(part)
+    }
+
+    /// The recordings of the part alone.
+    fn of_all(self, problem: &Problem) -> Vec<PreparedRecording> {
+        problem.recordings.iter().filter_map(|recording| self.of(recording)).collect()
+    }
+
+    /// Squares that a right part leaves, each independent sample: the part is driven by what the transducer shows of a model's own simulation, and
+    /// judged by that simulation.
+    fn sound(self, problem: &Problem, model: &FittedModel) -> f64 {
+        let unit = model.unit();
+        let (_, fed) = self.fed();
+        let shown = problem.recordings.iter().enumerate().filter(|(_, recording)| self.of(recording).is_some());
+        let shown = shown.filter_map(|(index, recording)| {
+            let draws = RandomStreams { seed: DRAWS_SEED, process: recording.process }.of(Purpose::Servomotor);
+            let mut transducer = Transducer::new(fed.sensor(&unit.sensors), draws);
+            let mut simulated = recording.clone();
+            for (&row, estimate) in recording.samples.iter().zip(problem.simulate(&unit, index)) {
+                let measured = simulated.frames[row].measured;
+                let shown = Signal::ALL.into_iter().filter(|signal| signal.of(&measured).is_finite());
+                simulated.frames[row].measured = shown.fold(measured, |shown, signal| {
+                    let value = signal.of(&estimate.signals);
+                    signal.with(shown, if signal == fed { transducer.read(value) } else { value })
+                });
+            }
+            self.of(&simulated)
+        });
+        let own = problem.anew(shown.collect(), &unit);
+        let [(base, coordinates, positions), _] = self.starts(model);
+        let left: f64 = own.residuals_of(&[subject_at(&base, &coordinates, &positions)]).iter().map(square).sum();
+        SOUND_MEAN_SQUARE + left / own.independent_samples().max(1.0)
     }
 
     /// Unit and free parameters of the part, at the refitted sheet and at the sheet itself.
@@ -109,6 +154,12 @@ impl Part {
 /// Work of refitting a part with the effects of a model.
 const ANEW: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
 
+/// Samples in a row without a number through which a part can still be driven.
+const LONGEST_HOLE: usize = 3;
+
+/// Seed of the noise by which a part's own noise is told.
+const DRAWS_SEED: u64 = 1;
+
 /// Nats lost beyond which it does not matter how many.
 const MOST_LOST: f64 = 50.0;
 
@@ -116,7 +167,7 @@ impl PartFit {
     /// What it leaves over what a right model would, as a ratio of squares.
     #[must_use]
     pub fn excess(&self) -> f64 {
-        self.cost / (SOUND_MEAN_SQUARE * self.samples)
+        self.cost / (self.sound * self.samples)
     }
 
     /// The stage at which something unknown would gain most, and by how many nats; none where nothing would.
@@ -137,11 +188,11 @@ impl PartFit {
 #[must_use]
 pub fn parts(problem: &Problem, refitted: &FittedModel) -> Vec<PartFit> {
     let fit = |part: Part| {
-        let recordings: Vec<PreparedRecording> =
-            problem.recordings.iter().filter_map(|recording| part.of(recording)).collect();
+        let recordings = part.of_all(problem);
         if recordings.is_empty() {
             return None;
         }
+        let sound = part.sound(problem, refitted);
         let problem = problem.anew(recordings, &refitted.unit());
         let places = part.starts(refitted);
         let starts: [Start<'_, FreeParameter>; 2] = places.each_ref().map(|(base, coordinates, positions)| Start {
@@ -160,6 +211,7 @@ pub fn parts(problem: &Problem, refitted: &FittedModel) -> Vec<PartFit> {
             part,
             cost: model.cost(),
             samples: problem.independent_samples(),
+            sound,
             evidence: log_sum(KAPPAS.map(|kappa| normal.at(kappa, NO_LAW_ERROR))) - (KAPPAS.len() as f64).ln(),
             unknown: Stage::ALL.into_iter().map(of).filter(|(_, evidence)| evidence.is_finite()).collect(),
         })
@@ -167,23 +219,28 @@ pub fn parts(problem: &Problem, refitted: &FittedModel) -> Vec<PartFit> {
     Part::ALL.into_iter().filter_map(fit).collect()
 }
 
-/// What the parts leave that have the effects of a model, each refitted from where the model stands, over what a right model would, in the order of
-/// [`parts`]; the noise is laid out along the refitted sheet, as there.
+/// What these parts leave that have the effects of a model, each refitted from where the model stands, over what a right model would; the noise is laid
+/// out along the refitted sheet, as in [`parts`].
 #[must_use]
-pub fn excesses_of(problem: &Problem, refitted: &FittedModel, model: &FittedModel) -> Vec<f64> {
-    let excess = |part: Part| {
-        let own: Vec<PreparedRecording> =
-            problem.recordings.iter().filter_map(|recording| part.of(recording)).collect();
-        if own.is_empty() {
-            return None;
-        }
-        let problem = problem.anew(own, &refitted.unit());
+pub fn excesses_of(problem: &Problem, refitted: &FittedModel, model: &FittedModel, parts: &[PartFit]) -> Vec<f64> {
+    let excess = |PartFit { part, .. }: &PartFit| {
+        let sound = part.sound(problem, model);
+        let problem = problem.anew(part.of_all(problem), &refitted.unit());
         let [(base, coordinates, positions), _] = part.starts(model);
         let start = Start { base: &base, coordinates: &coordinates, positions: &positions, effort: ANEW, known: None };
         let fit = fit_all(&problem, &[start]).pop()?;
-        Some(fit.cost() / (SOUND_MEAN_SQUARE * problem.independent_samples()))
+        Some(fit.cost() / (sound * problem.independent_samples()))
     };
-    Part::ALL.into_iter().filter_map(excess).collect()
+    parts.iter().filter_map(excess).collect()
+}
+
+/// Most samples in a row without a number, between the first number and the last.
+fn longest_hole(measured: &[f64]) -> usize {
+    let finite = |value: &f64| value.is_finite();
+    let (Some(first), Some(last)) = (measured.iter().position(finite), measured.iter().rposition(finite)) else {
+        return measured.len();
+    };
+    measured[first..=last].split(finite).map(<[f64]>::len).max().unwrap_or(0)
 }
 
 /// Weights of the quadratic through eleven samples, at the middle one (Savitzky & Golay 1964), over [`WEIGHT`].
@@ -226,5 +283,12 @@ mod tests {
         let off: Vec<f64> = smoothed.iter().zip(0..).map(|(value, k)| value - position_pu(k)).collect();
         assert!(off[..15].iter().chain(&off[26..]).all(|off| off.abs() < 1e-12), "{off:?}");
         assert!((off[20] - 1e-3 * 89.0 / WEIGHT).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_hole_is_as_long_as_the_numbers_that_lack_between_others() {
+        let nan = f64::NAN;
+        assert_eq!(longest_hole(&[nan, nan, 1.0, nan, 2.0, nan, nan, nan, 3.0, nan]), 3);
+        assert_eq!((longest_hole(&[1.0, 2.0]), longest_hole(&[nan, nan])), (0, 2));
     }
 }

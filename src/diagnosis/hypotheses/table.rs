@@ -96,12 +96,14 @@ impl EvidenceTable {
         if self.parts.is_empty() {
             return;
         }
+        let parts = std::mem::take(&mut self.parts);
         for &row in rows {
             let ids: Vec<&str> = self.rows[row].effects.iter().map(String::as_str).collect();
             if let Some(model) = explored.with(&ids) {
-                self.rows[row].parts = excesses_of(problem, explored.refitted(), model);
+                self.rows[row].parts = excesses_of(problem, explored.refitted(), model, &parts);
             }
         }
+        self.parts = parts;
     }
 
     /// The table of what was explored.

@@ -268,7 +268,8 @@ fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
     diagnosis.notes.push("oil.bulk_modulus_pa was fitted to the end of its range.".into());
     // The remaining error of a part of the chain on its own.
     let unknown = [("servomotor".to_owned(), 185.0)].into();
-    diagnosis.table.parts = vec![PartFit { part: Part::Servomotor, cost: 9e3, samples: 8e2, evidence: 0.0, unknown }];
+    diagnosis.table.parts =
+        vec![PartFit { part: Part::Servomotor, cost: 9e3, samples: 8e2, sound: 0.92, evidence: 0.0, unknown }];
     let page = page_of(&diagnosis);
     assert!(page.contains("<p>Nearest in the catalogue: servo friction and load. It leaves"));
     assert!(

@@ -128,6 +128,7 @@ fn a_part_that_does_not_follow_its_input_is_not_nothing() {
         part,
         cost: 736.0 * excess,
         samples: 800.0,
+        sound: 0.92,
         evidence: -500.0,
         unknown: [("spool".to_owned(), -500.0 + gained), ("esv".to_owned(), -501.0)].into(),
     };
