@@ -37,14 +37,14 @@ impl KnownSets {
         let promise = |one: &Hypothesis| one.log_evidence + if one.refined { 0.0 } else { one.normal.unfinished() };
         let mut promising: Vec<(f64, &Hypothesis)> = self.fitted.values().map(|one| (promise(one), one)).collect();
         promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // Single effects are few: before nothing leads, each has had a whole fit. So has each of a stage alone, where all are alike.
+        let nothing_leads = self.ordered().first().is_some_and(|leader| leader.effects.is_empty());
+        let singles = nothing_leads || is_stage_alone(explorer.problem);
         let chosen: Vec<Hypothesis> = promising
             .into_iter()
             .map(|(_, one)| one)
             .enumerate()
-            // Single effects of a stage alone are alike, so that each is fitted with care.
-            .filter(|(place, one)| {
-                *place < leaders(explorer.problem) || (one.effects.len() == 1 && is_stage_alone(explorer.problem))
-            })
+            .filter(|(place, one)| *place < leaders(explorer.problem) || (singles && one.effects.len() == 1))
             .map(|(_, one)| one)
             .filter(|leader| !leader.refined)
             .cloned()

@@ -13,6 +13,11 @@ use govtwin_model::parameters::Unit;
 /// Places whose fits show what a unit is like.
 const GLANCED: usize = 3;
 
+/// Profiles that promise most are looked at more closely, so many, so many times: what is right in a narrow band of sizes, such as what makes a loop swing
+/// just so, lies between the sizes of a grid.
+const ZOOMED: usize = 8;
+const ZOOMS: usize = 3;
+
 /// A size is hopeless where it promises so many times the cost of the refitted sheet.
 const HOPELESS: f64 = 4.0;
 
@@ -55,22 +60,54 @@ pub fn profiles(
     catalogue: &[&'static EffectSpec],
     without_effects: f64,
 ) -> Vec<ProfilePlace> {
-    let places = all(model, catalogue);
-    let displaced: Vec<Displaced<FreeParameter>> = places.iter().map(|place| place.at.clone()).collect();
-    let promised = followed(problem, &model.fit.slopes, &displaced);
-    let mut kept = Vec::new();
-    let mut first = 0;
-    while first < places.len() {
-        let count = 1 + places[first + 1..].iter().take_while(|place| place.is_beside(&places[first])).count();
-        let lowest = lowest(&promised[first..first + count], HOPELESS * without_effects);
-        kept.extend(lowest.into_iter().map(|k| {
-            let place = &places[first + k];
-            let Followed { positions, cost } = promised[first + k].clone();
-            ProfilePlace { atom: place.atom, at: Displaced { positions, ..place.at.clone() }, promised: cost }
-        }));
-        first += count;
+    let follow = |places: Vec<ProfilePlace>| -> Vec<ProfilePlace> {
+        let displaced: Vec<Displaced<FreeParameter>> = places.iter().map(|place| place.at.clone()).collect();
+        let followed = followed(problem, &model.fit.slopes, &displaced);
+        let at = |(place, Followed { positions, cost }): (ProfilePlace, Followed)| ProfilePlace {
+            at: Displaced { positions, ..place.at },
+            promised: cost,
+            ..place
+        };
+        places.into_iter().zip(followed).map(at).collect()
+    };
+    let mut profiles: Vec<Vec<ProfilePlace>> = Vec::new();
+    for place in follow(all(model, catalogue)) {
+        match profiles.last_mut() {
+            Some(profile) if place.is_beside(&profile[0]) => profile.push(place),
+            _ => profiles.push(vec![place]),
+        }
     }
-    kept
+    for _ in 0..ZOOMS {
+        profiles.sort_by(|a, b| least(a).total_cmp(&least(b)));
+        let between = profiles.iter().take(ZOOMED).flat_map(|profile| closer(model, catalogue, profile));
+        for place in follow(between.collect()) {
+            if let Some(profile) = profiles.iter_mut().find(|profile| place.is_beside(&profile[0])) {
+                let at = profile.partition_point(|other| other.size().abs() < place.size().abs());
+                profile.insert(at, place);
+            }
+        }
+    }
+    let hopeless = HOPELESS * without_effects;
+    profiles.into_iter().flat_map(|profile| lowest(profile, hopeless)).collect()
+}
+
+/// What the lowest place of a profile promises.
+fn least(profile: &[ProfilePlace]) -> f64 {
+    profile.iter().map(|place| place.promised).fold(f64::INFINITY, f64::min)
+}
+
+/// Sizes half-way, in their logarithm, from the lowest place of a profile to its neighbours.
+fn closer(model: &FittedModel, catalogue: &[&'static EffectSpec], profile: &[ProfilePlace]) -> Vec<ProfilePlace> {
+    let Some(best) = (0..profile.len()).min_by(|&a, &b| profile[a].promised.total_cmp(&profile[b].promised)) else {
+        return Vec::new();
+    };
+    let Atom::Sized { effect, variant } = profile[best].atom else { return Vec::new() };
+    let neighbours = [best.checked_sub(1), (best + 1 < profile.len()).then_some(best + 1)];
+    let between = neighbours.into_iter().flatten().filter_map(|other| {
+        let size = (profile[other].size() * variant.size).sqrt().copysign(variant.size);
+        added(model, catalogue, effect, Variant { size, ..variant })
+    });
+    between.collect()
 }
 
 /// The same sizes on top of another model without effects, whose free parameters stay where they are.
@@ -102,6 +139,14 @@ pub fn fitted_best(problem: &Problem, sheet: &FittedModel, places: &[ProfilePlac
 }
 
 impl ProfilePlace {
+    /// Size of the effect, in typical ones; 0 where one is taken away.
+    fn size(&self) -> f64 {
+        match self.atom {
+            Atom::Sized { variant, .. } => variant.size,
+            Atom::Removed { .. } => 0.0,
+        }
+    }
+
     /// Whether both are of one profile: the same effect with the same sign and shape.
     fn is_beside(&self, other: &Self) -> bool {
         match (self.atom, other.atom) {
@@ -114,17 +159,16 @@ impl ProfilePlace {
 }
 
 /// Places in a profile that are kept: the first, the lowest, and the lower one of its neighbours.
-fn lowest(profile: &[Followed], hopeless: f64) -> Vec<usize> {
-    let cost = |k: usize| profile[k].cost;
+fn lowest(profile: Vec<ProfilePlace>, hopeless: f64) -> Vec<ProfilePlace> {
+    let cost = |k: usize| profile[k].promised;
     let mut kept = vec![0];
     if let Some(best) = (0..profile.len()).min_by(|&a, &b| cost(a).total_cmp(&cost(b))) {
         let neighbours = [best.checked_sub(1), (best + 1 < profile.len()).then_some(best + 1)];
         let beside = neighbours.into_iter().flatten().min_by(|&a, &b| cost(a).total_cmp(&cost(b)));
         kept.extend(std::iter::once(best).chain(beside).filter(|&k| cost(k) < hopeless));
     }
-    kept.sort_unstable();
-    kept.dedup();
-    kept
+    let kept = |k: &usize| kept.contains(k);
+    profile.into_iter().enumerate().filter(|(k, _)| kept(k)).map(|(_, place)| place).collect()
 }
 
 /// Every effect that a model lacks at all its sizes and shapes on top of it, size by size, and the model without each of its own effects.

@@ -55,6 +55,20 @@ fn a_large_chamber_leak_is_found_behind_a_stretched_sheet() {
     assert!((found / leak_m3_s_pa - 1.0).abs() < 0.15, "{found}");
 }
 
+/// A loop swings just so in a narrow band of sizes, which lies between those of a grid.
+#[test]
+fn the_size_that_makes_a_loop_swing_is_found() {
+    let frequency_ratio = 0.1;
+    let unit = unit("pv_bandwidth", frequency_ratio);
+    let tried = ["pv_bandwidth", "pv_hysteresis", "lvdt_bias"];
+    let said = diagnosed(&unit, &[Process::LoadIncrease, Process::Shutdown], &tried, Some(unit.clone()));
+    // Where a loop swings χ² is rough, and a fit ends in one of many hollows near the best.
+    let regret = said.regret.as_ref().unwrap();
+    assert!(regret.share() < 0.5, "{regret:?}");
+    let found = size(&said, "pv_bandwidth");
+    assert!((found / frequency_ratio - 1.0).abs() < 0.1, "{found}");
+}
+
 /// A clock that is 80 ms off, for which two delays together would stand.
 #[test]
 fn a_large_clock_offset_is_one_effect_and_not_two_delays() {
