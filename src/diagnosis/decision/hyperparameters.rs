@@ -51,7 +51,7 @@ impl Hyperparameters {
     #[must_use]
     pub fn usual() -> Self {
         Self {
-            tempering: 0.3,
+            tempering: 0.5,
             rarity: 5.0,
             further_share: 0.02,
             equation_error: 1.5,

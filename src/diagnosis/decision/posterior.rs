@@ -65,7 +65,8 @@ impl Posterior {
     #[must_use]
     pub fn inclusion(&self, table: &EvidenceTable, id: &str) -> f64 {
         let holds = |row: usize| table.rows[row].effects.iter().any(|effect| effect == id);
-        self.sets.iter().filter(|(row, _)| holds(*row)).map(|(_, probability)| probability).sum()
+        // A sum of nothing is -0, which reports would show.
+        self.sets.iter().filter(|(row, _)| holds(*row)).map(|(_, probability)| probability).sum::<f64>() + 0.0
     }
 
     /// Probability of something unknown at any stage.
