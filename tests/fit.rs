@@ -80,8 +80,10 @@ fn planted_parameters_come_back_within_their_intervals() {
         assert!((0.7..1.3).contains(&servomotor), "{effect}: {servomotor} times the noise left over");
         assert!(fit.identifiability().iter().any(|words| words.contains(effect)), "{:?}", fit.identifiability());
     }
-    println!("{inside} of {all}");
-    assert!(inside * 100 >= all * 90, "{inside} of {all} within 90 % intervals");
+    // As many as 90 % intervals hold in 95 of 100 such trials, by the normal approximation of the binomial distribution.
+    let (all, inside) = (all as f64, inside as f64);
+    let least = 0.9 * all - 1.645 * (all * 0.9 * 0.1).sqrt();
+    assert!(inside >= least, "{inside} of {all} within 90 % intervals");
 }
 
 #[test]

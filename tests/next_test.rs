@@ -43,7 +43,7 @@ fn catalogue() -> Vec<&'static EffectSpec> {
 
 fn unit() -> Unit {
     let mut unit = spread(&reference(), 3);
-    unit.effects.push(EffectSetting { id: "supply_loss".to_owned(), values: vec![3.0e10] });
+    unit.effects.push(EffectSetting { id: "supply_loss".to_owned(), values: vec![2.0e10] });
     unit
 }
 

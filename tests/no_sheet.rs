@@ -164,7 +164,7 @@ fn a_unit_without_a_sheet_is_diagnosed_whole_and_its_sheet_lies_beside_the_repor
     let second: Value = serde_json::from_str(&fs::read_to_string(again.join("report.json")).unwrap()).unwrap();
     let rows = |report: &Value| report["evidence"]["table"]["rows"].clone();
     assert_eq!(rows(&report), rows(&second));
-    // Who hands it in answers for it: what a data sheet says weighs more than what was read off the recordings.
+    // Who hands it in answers for it: it counts as a data sheet then.
     assert_eq!(report["evidence"]["table"]["assumed_sheet"], true);
     assert!(second["evidence"]["table"]["assumed_sheet"].is_null());
     let backlash = |report: &Value| {
@@ -172,7 +172,7 @@ fn a_unit_without_a_sheet_is_diagnosed_whole_and_its_sheet_lies_beside_the_repor
         let rank = ranking.iter().find(|rank| rank["id"] == "backlash").unwrap();
         rank["probability"].as_f64().unwrap()
     };
-    assert!(backlash(&report) > 0.4 && backlash(&report) < backlash(&second), "{report:#}");
+    assert!(backlash(&report) > 0.4 && backlash(&report) <= backlash(&second), "{report:#}");
     assert!(!again.join("assumed.yaml").exists());
 }
 
