@@ -4,8 +4,9 @@ mod words;
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::estimation::annealing::annealed;
 use crate::estimation::coordinate::{Coordinate, Residuals, subject_at};
-use crate::estimation::fit::{Effort, Fit, Start, fit, fit_all};
+use crate::estimation::fit::{Effort, Fit, fit};
 use crate::estimation::linear::normal;
 use crate::identification::free_parameter::FreeParameter;
 use crate::identification::profile::profile_starts;
@@ -89,7 +90,7 @@ pub struct Calibration {
     pub leftover: [Option<f64>; Signal::ALL.len()],
 }
 
-/// Fits the free parameters from so many of the best sizes of their profiles; `step` is called as each part of the work ends, [`PARTS`] times in all.
+/// Fits the free parameters from so many of the best sizes of their profiles, and from a usual size; `step` is called as each part of the work ends, [`PARTS`] times in all.
 #[must_use]
 pub fn calibrate(
     recordings: Vec<PreparedRecording>,
@@ -103,8 +104,7 @@ pub fn calibrate(
     step();
     let starts = profile_starts(&first, base, &free_parameters, starts.max(1));
     step();
-    let begin = |positions| Start { base, coordinates: &free_parameters, positions, effort: ROUGH, known: None };
-    let rough = fit_all(&first, &starts.iter().map(|positions| begin(positions)).collect::<Vec<_>>());
+    let rough = annealed(&first, base, &free_parameters, &starts, ROUGH.rounds);
     step();
     let costs = rough.iter().map(Fit::cost).collect();
     let best = rough.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));

@@ -12,6 +12,9 @@ use govtwin_model::parameters::Unit;
 /// Promising places that are simulated for each that is kept.
 const TRIED: usize = 3;
 
+/// A usual size of an effect, in typical ones.
+const USUAL_SIZE: f64 = 1.0;
+
 /// A place on the way: sizes that have been chosen follow like the sheet.
 #[derive(Clone, Debug)]
 struct Place {
@@ -21,7 +24,7 @@ struct Place {
     cost: f64,
 }
 
-/// The best `count` places by profiles of the sizes of all effects, likeliest first; the sheet alone where there is no effect.
+/// The best `count` places by profiles of the sizes of all effects, likeliest first, and one of usual sizes; the sheet alone where there is no effect.
 ///
 /// One after the other gets its size, first the one that gains most, and at each size of its profile the sheet and the sizes that have been chosen follow.
 pub(super) fn profile_starts(
@@ -45,7 +48,16 @@ pub(super) fn profile_starts(
         next.truncate(count);
         best = next;
     }
-    best.into_iter().map(|place| place.positions).collect()
+    // Dead bands and stops leave small steps in the cost, behind which one step cannot see: a usual size is a start too.
+    let usual = |free_parameter: &FreeParameter| match free_parameter {
+        FreeParameter::Effect { .. } if free_parameter.position(base) == 0.0 => {
+            USUAL_SIZE.min(free_parameter.range(base).1)
+        }
+        _ => start(free_parameter),
+    };
+    let has_size = free_parameters.iter().any(|one| matches!(one, FreeParameter::Effect { .. }));
+    let usual = has_size.then(|| free_parameters.iter().map(usual).collect());
+    best.into_iter().map(|place| place.positions).chain(usual).collect()
 }
 
 /// The best places at which one more free parameter has its size.
