@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use crate::decision::hyperparameters::Hyperparameters;
 use crate::evidence::parts::PartFit;
-use crate::hypotheses::table::{EvidenceRow, EvidenceTable};
+use crate::hypotheses::table::{EvidenceRow, EvidenceTable, StageEvidence};
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::SOUND_MEAN_SQUARE;
 use govtwin_model::effects::{Stage, find};
@@ -117,19 +117,24 @@ impl Gap {
 
 /// Logarithm of the evidence of a fitted set and of the odds against its effects, the scale of the noise integrated out.
 fn score(table: &EvidenceTable, numbers: &Hyperparameters, row: &EvidenceRow, gap: Gap) -> f64 {
+    let odds = numbers.rarity * row.effects.len() as f64;
+    if let Some(stage) = &table.stage_alone {
+        return left_out(table, stage, row) - odds;
+    }
     let further = row.effects.len().saturating_sub(1) as f64;
     // With this much less explained, effects beyond the first would only mend the law of another.
     let left = gap.left + numbers.further_share * further * gap.explained;
     let draws = numbers.tempering * table.samples.max(1.0);
-    -0.5 * draws * left.ln() - numbers.rarity * row.effects.len() as f64 - left_out(table, row)
+    -0.5 * draws * left.ln() - odds
 }
 
-/// Nats that a set of a stage alone loses for what it misses on pieces left out of its fit, a draw each; 0 of whole chains.
-fn left_out(table: &EvidenceTable, row: &EvidenceRow) -> f64 {
-    let Some(stage) = &table.stage_alone else { return 0.0 };
+/// Logarithm of the likelihood of what a set of a stage alone misses on pieces left out of its fit, a draw each.
+///
+/// Nothing around a stage holds its equations' errors, which are alike for a whole piece: what fits a piece that it was fitted to proves little.
+fn left_out(table: &EvidenceTable, stage: &StageEvidence, row: &EvidenceRow) -> f64 {
     let most = table.rows.iter().filter_map(|row| row.left_out_square).fold(LEAST_SQUARE, f64::max);
-    // What nobody tried on pieces left out has little evidence, and is taken for as bad as the worst that was.
-    0.5 * stage.pieces as f64 * row.left_out_square.unwrap_or(most).max(LEAST_SQUARE).ln()
+    // What nobody tried on pieces left out is taken for as bad as the worst that was.
+    -0.5 * stage.pieces as f64 * row.left_out_square.unwrap_or(most).max(LEAST_SQUARE).ln()
 }
 
 /// Probability that something unknown is at work, or something else as well, where a set leaves so much.
