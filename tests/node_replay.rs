@@ -35,7 +35,7 @@ fn integrator(pace: LoopPace, start_ns: i64) -> (Integrator, Ends) {
 }
 
 fn tell(ends: &mut Ends, arrived_ns: i64, heard: InputEvent) {
-    ends.events.push(TimedEvent { arrived_ns, heard }).unwrap();
+    ends.events.push(TimedEvent { arrived_ns, heard, stamp_ns: 0 }).unwrap();
 }
 
 /// Twelve seconds of a bench: steps and a ramp at a ragged rate, pressure dips, an ESV trip, a silence that

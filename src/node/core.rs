@@ -60,6 +60,8 @@ pub struct Tick {
     pub notices: Notices,
     /// Whether the fail-safe is on.
     pub fail_safe: bool,
+    /// Whether its trip stays until it is reset.
+    pub latched: bool,
     /// The fail-safe asks the node to end.
     pub stop: bool,
     /// What stands behind each input.
@@ -70,6 +72,8 @@ pub struct Tick {
     pub load_n: f64,
     /// Ages of the inputs, ns; `None` for one never heard.
     pub ages_ns: [Option<i64>; NodeInput::COUNT],
+    /// Stamps of the samples in force, ns; 0 for one never heard, or without a stamp.
+    pub stamps_ns: [i64; NodeInput::COUNT],
 }
 
 impl Tick {
@@ -84,6 +88,13 @@ impl Tick {
 struct HeldInput {
     heard_ns: Option<i64>,
     stale: bool,
+    /// A sample came since the last tick.
+    is_new: bool,
+    stamp_ns: i64,
+}
+
+impl HeldInput {
+    const NEVER: Self = Self { heard_ns: None, stale: false, is_new: false, stamp_ns: 0 };
 }
 
 /// The node's memory.
@@ -101,6 +112,8 @@ pub struct Core {
     began_ns: Option<i64>,
     previous: Option<Inputs>,
     fail_safe: bool,
+    latches: bool,
+    latched: bool,
     pending: Notices,
 }
 
@@ -113,7 +126,7 @@ impl Core {
         let tank_pressure_pa = *policies.default_tank_pressure_pa.get_or_insert(tank_pressure_pa);
         let inputs =
             Inputs { opening_command_pu: policies.default_command_pu, esv: policies.default_esv, tank_pressure_pa };
-        let held = [HeldInput { heard_ns: None, stale: false }; NodeInput::COUNT];
+        let held = [HeldInput::NEVER; NodeInput::COUNT];
         let plant = twin.plant();
         let strokes_m = [plant.spool.reference_stroke_m, plant.servomotor.stroke_m];
         Self {
@@ -129,6 +142,8 @@ impl Core {
             began_ns: None,
             previous: None,
             fail_safe: false,
+            latches: false,
+            latched: false,
             pending: Notices::default(),
         }
     }
@@ -147,14 +162,43 @@ impl Core {
         self
     }
 
+    /// The same whose fail-safe trip stays until it is reset.
+    #[must_use]
+    pub fn latching(mut self, latches: bool) -> Self {
+        self.latches = latches;
+        self
+    }
+
+    /// Ends a trip that stays, where its inputs are back; returns whether there was one to end.
+    pub fn reset_trip(&mut self) -> bool {
+        std::mem::take(&mut self.latched)
+    }
+
     /// The learned residual, with what its guard and its adaptation did.
     #[must_use]
     pub fn corrector(&self) -> Option<&Corrector> {
         self.corrector.as_ref()
     }
 
+    /// Which of the wanted inputs have no sample since the last tick.
+    #[must_use]
+    pub fn missing(&self, wanted: [bool; NodeInput::COUNT]) -> [bool; NodeInput::COUNT] {
+        NodeInput::ALL.map(|input| wanted[input as usize] && !self.held[input as usize].is_new)
+    }
+
+    /// Stamps of the samples in force, ns; 0 where there is none.
+    #[must_use]
+    pub fn stamps_ns(&self) -> [i64; NodeInput::COUNT] {
+        self.held.map(|held| held.stamp_ns)
+    }
+
     /// Takes what was heard at `now_ns`, a time that never runs backwards between two resets.
     pub fn hear(&mut self, heard: InputEvent, now_ns: i64) {
+        self.take(heard, now_ns, 0);
+    }
+
+    /// The same with the stamp of the sample, ns; 0 where it has none.
+    pub fn take(&mut self, heard: InputEvent, now_ns: i64, stamp_ns: i64) {
         let input = match heard {
             InputEvent::Command(opening_command_pu) => {
                 self.inputs.opening_command_pu = opening_command_pu;
@@ -188,7 +232,8 @@ impl Core {
             }
             InputEvent::Clock(_) | InputEvent::PublishPeriod(_) | InputEvent::Order(..) | InputEvent::Refit => return,
         };
-        self.held[input as usize].heard_ns = Some(now_ns);
+        let stale = self.held[input as usize].stale;
+        self.held[input as usize] = HeldInput { heard_ns: Some(now_ns), stale, is_new: true, stamp_ns };
     }
 
     /// Counts what was heard so far as heard at `now_ns`, where the clock on which ages are counted begins.
@@ -205,11 +250,12 @@ impl Core {
             corrector.reset();
         }
         self.measured = Signals::NONE;
-        self.held = [HeldInput { heard_ns: None, stale: false }; NodeInput::COUNT];
+        self.held = [HeldInput::NEVER; NodeInput::COUNT];
         self.began_ns = None;
         self.load_n = 0.0;
         self.previous = None;
         self.fail_safe = false;
+        self.latched = false;
         self.pending.add(Notices::RESET);
     }
 
@@ -221,6 +267,7 @@ impl Core {
         }
         self.previous = None;
         self.fail_safe = false;
+        self.latched = false;
         self.pending.add(Notices::RESTARTED);
     }
 
@@ -241,6 +288,7 @@ impl Core {
         for input in NodeInput::ALL {
             let rule = self.policies.rules[input as usize];
             let held = &mut self.held[input as usize];
+            held.is_new = false;
             let age_ns = now_ns.saturating_sub(held.heard_ns.unwrap_or(began_ns));
             let awaited = held.heard_ns.is_some() || rule.required;
             let stale = awaited && age_ns > rule.policy.stale_after_ns;
@@ -268,7 +316,8 @@ impl Core {
             let of = |input: &NodeInput| self.policies.rules[*input as usize].policy.on_stale == choice;
             runs && NodeInput::ALL.iter().any(|input| states[*input as usize] == InputState::Failed && of(input))
         };
-        let (trip, stop) = (failed(OnStale::Trip), failed(OnStale::Stop));
+        self.latched |= self.latches && failed(OnStale::Trip);
+        let (trip, stop) = (failed(OnStale::Trip) || self.latched, failed(OnStale::Stop));
         let fail_safe = trip || stop || failed(OnStale::Default);
         if fail_safe != self.fail_safe {
             self.fail_safe = fail_safe;
@@ -304,11 +353,13 @@ impl Core {
             inputs_changed,
             notices,
             fail_safe,
+            latched: self.latched,
             stop,
             states,
             strokes_m: self.strokes_m,
             load_n,
             ages_ns,
+            stamps_ns: self.stamps_ns(),
         }
     }
 }
@@ -367,6 +418,27 @@ mod tests {
         assert!(NodeInput::ALL[..3].iter().all(|&input| seen[1].1.has(Notices::stale(input))));
         assert!(seen[2].1.has(Notices::FAIL_SAFE));
         assert!(seen[3].1.has(Notices::RELEASED) && seen[3].1.has(Notices::recovered(NodeInput::Esv)));
+    }
+
+    #[test]
+    fn a_trip_that_latches_stays_when_the_inputs_are_back_until_it_is_reset() {
+        let mut core = core(OnStale::Trip).latching(true);
+        hear_all(&mut core, 0);
+        let mut tick = |now_ns: i64, hears: bool, resets: bool| {
+            if hears {
+                hear_all(&mut core, now_ns);
+            }
+            let reset = resets.then(|| core.reset_trip());
+            let tick = core.tick(now_ns, now_ns);
+            (tick.frame.inputs.esv == EsvState::Shutdown, tick.latched, tick.notices.has(Notices::RELEASED), reset)
+        };
+        assert_eq!(tick(MS, false, true), (false, false, false, Some(false)));
+        assert_eq!(tick(200 * MS, false, false), (true, true, false, None));
+        assert_eq!(tick(201 * MS, true, false), (true, true, false, None));
+        assert_eq!(tick(202 * MS, true, true), (false, false, true, Some(true)));
+        // While the inputs are away a reset does not hold.
+        assert_eq!(tick(600 * MS, false, true), (true, true, false, Some(false)));
+        assert_eq!(tick(601 * MS, false, true), (true, true, false, Some(true)));
     }
 
     #[test]
