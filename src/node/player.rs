@@ -2,6 +2,7 @@
 
 pub mod tape;
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -27,6 +28,9 @@ const NAP_NS: i64 = 20_000_000;
 
 /// After the last message, so that readers who lost it can ask for it again.
 const LINGER: Duration = Duration::from_millis(500);
+
+/// Stamps farther than this from the time of recording are of another clock, such as that of a simulation, ns.
+const OTHER_CLOCK_NS: i64 = 10_000_000_000;
 
 /// Once the first listener is there, others get so long to come too.
 const SETTLE: Duration = Duration::from_millis(700);
@@ -151,7 +155,8 @@ impl Player {
         loop {
             played.passes += 1;
             let (begin_ns, begin_wall_ns) = (monotonic_ns(), wall_ns());
-            let pass = Pass { begin_ns, begin_wall_ns, first_ns, speed_ratio: options.speed_ratio };
+            let speed_ratio = options.speed_ratio;
+            let pass = Pass { begin_ns, begin_wall_ns, first_ns, speed_ratio, shift_ns: OnceCell::new() };
             tape.run(|messages| self.pass(messages, &pass, options, stop, &mut played, progress))?;
             if !options.repeat || last_ns == first_ns || stop.load(Ordering::Relaxed) {
                 pause(LINGER);
@@ -214,6 +219,8 @@ struct Pass {
     begin_wall_ns: i64,
     first_ns: i64,
     speed_ratio: f64,
+    /// From the stamps' clock to the recorder's, by the first stamp; 0 where they are one.
+    shift_ns: OnceCell<i64>,
 }
 
 impl Pass {
@@ -223,11 +230,15 @@ impl Pass {
         self.begin_ns + ((time_ns - self.first_ns) as f64 / self.speed_ratio) as i64
     }
 
-    /// The stamp of a message as if it were recorded now: as long before its log time as it was. One without a time stays so.
+    /// The stamp of a message as if it were recorded now: as long before its log time as it was, or of the time of its recording where the stamps
+    /// are of another clock. One without a time stays so.
     #[expect(clippy::cast_possible_truncation, reason = "days of nanoseconds fit")]
     fn stamp_now(&self, stamp: Time, log_time_ns: i64) -> Time {
         let Some(stamp_ns) = stamp.nanos().filter(|stamp_ns| *stamp_ns != 0) else { return stamp };
-        let since_first_ns = (stamp_ns - log_time_ns) + (log_time_ns - self.first_ns);
+        let delay_ns = log_time_ns.saturating_sub(stamp_ns);
+        let is_other = delay_ns.saturating_abs() > OTHER_CLOCK_NS;
+        let shift_ns = *self.shift_ns.get_or_init(|| if is_other { delay_ns } else { 0 });
+        let since_first_ns = stamp_ns.saturating_add(shift_ns).saturating_sub(self.first_ns);
         Time::from_nanos(self.begin_wall_ns + (since_first_ns as f64 / self.speed_ratio) as i64)
     }
 }
@@ -235,9 +246,9 @@ impl Pass {
 /// Whether messages of a topic begin with a header, by the definition that the bag keeps.
 fn begins_with_header(topic: &TopicInfo) -> bool {
     let text = String::from_utf8_lossy(&topic.schema);
-    let fields = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+    let mut fields = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
     // Constants are no fields.
-    let first = fields.filter(|line| !line.is_empty() && !line.contains('=')).next();
+    let first = fields.find(|line| !line.is_empty() && !line.contains('='));
     first.is_some_and(|field| {
         matches!(field.split_whitespace().next(), Some("std_msgs/Header" | "std_msgs/msg/Header" | "Header"))
     })
@@ -264,15 +275,28 @@ fn sleep_while(due_ns: i64, stop: &AtomicBool) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::{Pass, Time, TopicInfo, begins_with_header};
+    use super::{OnceCell, Pass, Time, TopicInfo, begins_with_header};
+
+    fn pass(first_ns: i64) -> Pass {
+        Pass { begin_ns: 0, begin_wall_ns: 1_000_000_000_000, first_ns, speed_ratio: 2.0, shift_ns: OnceCell::new() }
+    }
 
     #[test]
     fn fresh_stamps_keep_their_distances_over_the_speed() {
-        let pass = Pass { begin_ns: 0, begin_wall_ns: 1_000_000_000_000, first_ns: 50_000_000_000, speed_ratio: 2.0 };
+        let pass = pass(50_000_000_000);
         let at = |stamp_ns, log_ns| pass.stamp_now(Time::from_nanos(stamp_ns), log_ns).nanos().unwrap();
         assert_eq!(at(50_000_000_000, 50_000_000_000), 1_000_000_000_000);
         assert_eq!(at(52_000_000_000, 52_010_000_000), 1_001_000_000_000);
         assert_eq!(at(0, 52_000_000_000), 0, "no stamp, no time");
+    }
+
+    #[test]
+    fn stamps_of_another_clock_become_those_of_now_together() {
+        let pass = pass(50_000_000_000);
+        let at = |stamp_ns, log_ns| pass.stamp_now(Time::from_nanos(stamp_ns), log_ns).nanos().unwrap();
+        assert_eq!(at(7_000_000_000, 50_000_000_000), 1_000_000_000_000);
+        // Later ones keep their distance from it, however late they were recorded.
+        assert_eq!(at(9_000_000_000, 52_500_000_000), 1_001_000_000_000);
     }
 
     #[test]

@@ -27,6 +27,7 @@ impl Default for InputSettings {
 
 /// The node's settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent settings")]
 pub struct NodeSettings {
     /// Ticks per second.
     pub rate_hz: f64,
