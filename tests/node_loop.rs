@@ -319,7 +319,7 @@ fn a_load_force_moves_the_piston_and_falls_away_with_its_source() {
     }
     let last = last.unwrap();
     // On_stale is `trip` for all here: a coupling that dies must not go unseen.
-    assert!(last.fail_safe && last.load_n.abs() < 1e-9, "{last:?}");
+    assert!(last.fail_safe && last.frame.inputs.piston_force_n.abs() < 1e-9, "{last:?}");
     assert_eq!(last.frame.inputs.esv, EsvState::Shutdown);
     assert!(last.ages_ns[NodeInput::Load as usize].is_some());
 }

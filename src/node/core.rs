@@ -5,12 +5,10 @@
 
 pub mod notices;
 
-use std::sync::Arc;
-
 pub use self::notices::Notices;
 use super::control::{Order, Ticket};
 pub use super::policy::{InputState, NodeInput, OnStale, Policies, Policy, Rule};
-use super::refit::{Load, Refit};
+use super::refit::Refit;
 use govtwin_correction::corrector::{Correction, Corrector};
 use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
 use govtwin_model::twin::Twin;
@@ -47,6 +45,7 @@ pub enum InputEvent {
 
 /// The outcome of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts of one tick")]
 pub struct Tick {
     /// What the twin was given.
     pub frame: Frame,
@@ -68,8 +67,6 @@ pub struct Tick {
     pub states: [InputState; NodeInput::COUNT],
     /// Spool's reference stroke and servomotor's stroke, by which positions become metres.
     pub strokes_m: [f64; 2],
-    /// Force on the piston besides the sheet's load, N, + opens.
-    pub load_n: f64,
     /// Ages of the inputs, ns; `None` for one never heard.
     pub ages_ns: [Option<i64>; NodeInput::COUNT],
     /// Stamps of the samples in force, ns; 0 for one never heard, or without a stamp.
@@ -101,9 +98,7 @@ impl HeldInput {
 #[derive(Clone, Debug)]
 pub struct Core {
     twin: Twin,
-    load: Arc<Load>,
     strokes_m: [f64; 2],
-    load_n: f64,
     corrector: Option<Corrector>,
     measured: Signals,
     policies: Policies,
@@ -124,16 +119,18 @@ impl Core {
     pub fn new(twin: Twin, policies: impl Into<Policies>, tank_pressure_pa: f64) -> Self {
         let mut policies: Policies = policies.into();
         let tank_pressure_pa = *policies.default_tank_pressure_pa.get_or_insert(tank_pressure_pa);
-        let inputs =
-            Inputs { opening_command_pu: policies.default_command_pu, esv: policies.default_esv, tank_pressure_pa };
+        let inputs = Inputs {
+            opening_command_pu: policies.default_command_pu,
+            esv: policies.default_esv,
+            tank_pressure_pa,
+            piston_force_n: 0.0,
+        };
         let held = [HeldInput::NEVER; NodeInput::COUNT];
         let plant = twin.plant();
         let strokes_m = [plant.spool.reference_stroke_m, plant.servomotor.stroke_m];
         Self {
             twin,
-            load: Arc::default(),
             strokes_m,
-            load_n: 0.0,
             corrector: None,
             measured: Signals::NONE,
             policies,
@@ -148,11 +145,11 @@ impl Core {
         }
     }
 
-    /// The same for a unit to whose piston `sim/joint_commands` may add a force.
+    /// The same for a unit that may be exchanged for another.
     #[must_use]
     pub fn of_refit(refit: Refit, policies: impl Into<Policies>) -> Self {
-        let Refit { twin, load, strokes_m, tank_pressure_pa } = refit;
-        Self { load, strokes_m, ..Self::new(twin, policies, tank_pressure_pa) }
+        let Refit { twin, strokes_m, tank_pressure_pa } = refit;
+        Self { strokes_m, ..Self::new(twin, policies, tank_pressure_pa) }
     }
 
     /// The same with a learned residual.
@@ -227,7 +224,7 @@ impl Core {
                 return;
             }
             InputEvent::Load(load_n) => {
-                self.load_n = load_n;
+                self.inputs.piston_force_n = load_n;
                 NodeInput::Load
             }
             InputEvent::Clock(_) | InputEvent::PublishPeriod(_) | InputEvent::Order(..) | InputEvent::Refit => return,
@@ -252,7 +249,7 @@ impl Core {
         self.measured = Signals::NONE;
         self.held = [HeldInput::NEVER; NodeInput::COUNT];
         self.began_ns = None;
-        self.load_n = 0.0;
+        self.inputs.piston_force_n = 0.0;
         self.previous = None;
         self.fail_safe = false;
         self.latched = false;
@@ -274,7 +271,6 @@ impl Core {
     /// Goes on with another twin from where this one is, and leaves this one in `refit`.
     pub fn refit(&mut self, refit: &mut Refit) {
         self.twin.go_on_as(&mut refit.twin);
-        std::mem::swap(&mut self.load, &mut refit.load);
         std::mem::swap(&mut self.strokes_m, &mut refit.strokes_m);
         self.pending.add(Notices::REFITTED);
     }
@@ -329,8 +325,6 @@ impl Core {
         if runs && self.previous.is_none() {
             notices.add(Notices::STARTED);
         }
-        let load_n = if states[NodeInput::Load as usize] == InputState::Failed { 0.0 } else { self.load_n };
-        self.load.set(load_n);
         let estimate = runs.then(|| self.twin.step(&frame));
         // A measured sample belongs to the tick that first sees it, and is no input of the twin.
         let seen = Frame { measured: std::mem::replace(&mut self.measured, Signals::NONE), ..frame };
@@ -357,7 +351,6 @@ impl Core {
             stop,
             states,
             strokes_m: self.strokes_m,
-            load_n,
             ages_ns,
             stamps_ns: self.stamps_ns(),
         }
