@@ -53,7 +53,7 @@ fn minute() -> Vec<Frame> {
     let frame = |k: i64| {
         let time_s = k as f64 * 1e-3;
         let opening_command_pu = 0.5 + 0.2 * (0.4 * time_s).sin() + 0.05 * (2.1 * time_s).sin();
-        let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.2e6 };
+        let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.2e6, piston_force_n: 0.0 };
         let spool_position_pu = if k % 10 == 0 { 0.05 * (0.4 * time_s).cos() } else { f64::NAN };
         Frame { time_ns: k * 1_000_000, inputs, measured: Signals { spool_position_pu, ..Signals::NONE } }
     };

@@ -50,7 +50,7 @@ pub fn farthest_pu(one: &Unit, other: &Unit) -> f64 {
     for row in 0..1000 {
         let time_s = f64::from(row) * 0.01;
         let opening_command_pu = 0.3 + 0.3 * ((time_s - 1.0) / 6.0).clamp(0.0, 1.0);
-        let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.0e6 };
+        let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.0e6, piston_force_n: 0.0 };
         let frame = Frame { time_ns: i64::from(row) * 10_000_000, inputs, measured: Signals::NONE };
         let position_pu = |twin: &mut Twin| twin.step(&frame).signals.servomotor_position_pu;
         farthest_pu = farthest_pu.max((position_pu(&mut one) - position_pu(&mut other)).abs());

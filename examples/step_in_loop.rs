@@ -49,6 +49,7 @@ pub fn load_step(length_s: f64) -> Vec<Row> {
             opening_command_pu: (integral_pu + PROPORTIONAL * error_pu).clamp(0.0, 1.0),
             esv: EsvState::Normal,
             tank_pressure_pa: 6.0e6,
+            piston_force_n: 0.0,
         };
         // The first frame says where the unit stands; after it the twin knows.
         let measured =

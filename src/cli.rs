@@ -13,7 +13,9 @@ use crate::commands::{Outcome, Usage};
 static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
     let version = env!("CARGO_PKG_VERSION");
     #[cfg(feature = "node")]
-    let text = format!("{version}\n{}", govtwin_node::transport::DESCRIPTION);
+    let built_for = govtwin_node::environment::Distribution::of_build().words();
+    #[cfg(feature = "node")]
+    let text = format!("{version}, the node for {built_for}\n{}", govtwin_node::transport::DESCRIPTION);
     #[cfg(not(feature = "node"))]
     let text = format!("{version}, built without the node");
     text

@@ -24,6 +24,8 @@ pub mod info;
 pub mod learn;
 pub mod man;
 pub mod model;
+#[cfg(feature = "node")]
+mod network;
 pub mod output;
 pub mod parent;
 #[cfg(feature = "node")]

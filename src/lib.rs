@@ -17,7 +17,7 @@
 //! let mut frames: Vec<Frame> = (0..2000)
 //!     .map(|row| {
 //!         let opening_command_pu = if row < 200 { 0.40 } else { 0.50 };
-//!         let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.0e6 };
+//!         let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.0e6, piston_force_n: 0.0 };
 //!         Frame { time_ns: row * 10_000_000, inputs, measured: Signals::NONE }
 //!     })
 //!     .collect();

@@ -116,7 +116,12 @@ fn recorded(
     for row in 0..(100.0 * length_s) as i64 {
         let time_ns = row * 10_000_000;
         let (opening_command_pu, esv) = inputs(row as f64 * 0.01);
-        let inputs = Inputs { opening_command_pu, esv, tank_pressure_pa: unit.parameters.oil.tank_pressure_pa };
+        let inputs = Inputs {
+            opening_command_pu,
+            esv,
+            tank_pressure_pa: unit.parameters.oil.tank_pressure_pa,
+            piston_force_n: 0.0,
+        };
         let first = if row == 0 { start_pu } else { f64::NAN };
         let measured = Signals { servomotor_position_pu: first, ..Signals::NONE };
         let true_pu = twin.step(&Frame { time_ns, inputs, measured }).signals.servomotor_position_pu;

@@ -21,6 +21,8 @@ mod impossible;
 #[cfg(feature = "cli")]
 #[path = "bag/info.rs"]
 mod info;
+#[path = "bag/load.rs"]
+mod load;
 #[path = "bag/make.rs"]
 mod make;
 #[path = "bag/order.rs"]

@@ -31,7 +31,8 @@ fn course(seconds: i64, opening_pu: impl Fn(f64) -> f64, trip_s: f64) -> Recordi
     let row = |i: i64| {
         let at_s = i as f64 * 0.01;
         let esv = if at_s < trip_s { EsvState::Normal } else { EsvState::Shutdown };
-        let inputs = Inputs { opening_command_pu: opening_pu(at_s), esv, tank_pressure_pa: TANK_PA };
+        let inputs =
+            Inputs { opening_command_pu: opening_pu(at_s), esv, tank_pressure_pa: TANK_PA, piston_force_n: 0.0 };
         let start = Signals { servomotor_position_pu: opening_pu(0.0), ..Signals::NONE };
         Frame { time_ns: i * 10_000_000, inputs, measured: if i == 0 { start } else { Signals::NONE } }
     };
@@ -264,7 +265,8 @@ fn a_wrong_zero_of_the_servomotors_transducer_shows_where_it_is_shut() {
 /// Steady speed of the piston at a spool position, m/s.
 fn speed_m_s(effects: &[EffectSetting], spool_pu: f64) -> f64 {
     let measured = Signals { spool_position_pu: spool_pu, servomotor_position_pu: 0.5, ..Signals::NONE };
-    let inputs = Inputs { opening_command_pu: 0.5, esv: EsvState::Normal, tank_pressure_pa: TANK_PA };
+    let inputs =
+        Inputs { opening_command_pu: 0.5, esv: EsvState::Normal, tank_pressure_pa: TANK_PA, piston_force_n: 0.0 };
     let mut twin = Twin::new(&with(effects)).with_cut(Cut::Spool);
     let step = |i: i64| twin.step(&Frame { time_ns: i * 10_000_000, inputs, measured });
     (0..100).map(step).last().unwrap().servomotor_velocity_m_s
@@ -339,7 +341,12 @@ fn stepped(effects: &[EffectSetting], spool_pu: f64) -> Vec<f64> {
             servomotor_position_pu: 0.3,
             ..Signals::NONE
         };
-        let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: TANK_PA };
+        let inputs = Inputs {
+            opening_command_pu: f64::NAN,
+            esv: EsvState::Normal,
+            tank_pressure_pa: TANK_PA,
+            piston_force_n: 0.0,
+        };
         Frame { time_ns: i * 10_000_000, inputs, measured }
     };
     let recording = Recording::new("step", (0..200).map(row).collect());

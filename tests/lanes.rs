@@ -109,11 +109,12 @@ fn twins() -> Vec<Twin> {
     twins
 }
 
-/// A process whose rows lie on and between ticks, some without a command; what it has measured is another unit's.
+/// A process under a force on the piston, whose rows lie on and between ticks, some without a command or a force; what it has measured is another unit's.
 fn recording(process: Process) -> PreparedRecording {
     let mut frames: Vec<Frame> = rows::rows(9.0, 3_700_000, |time_s| rows::process(process, time_s));
     let mut twin = Twin::new(&spread(&params::reference(), 5));
     for (k, frame) in frames.iter_mut().enumerate() {
+        frame.inputs.piston_force_n = if k % 7 == 0 { f64::NAN } else { 4e4 * (0.05 * k as f64).sin() };
         let signals = twin.step(frame).signals;
         if k % 3 == 0 {
             frame.measured = signals;

@@ -38,7 +38,7 @@ fn run(simulated: bool, corrected: bool, adapts: bool) -> (u64, i64) {
     let calls = calls_of(|| {
         for step in 0..TICKS {
             let now_ns = step * MS;
-            let mut tell = |heard| ends.events.push(TimedEvent { arrived_ns: now_ns, heard }).unwrap();
+            let mut tell = |heard| ends.events.push(TimedEvent { arrived_ns: now_ns, heard, stamp_ns: 0 }).unwrap();
             // Inputs with a silence in between, so that start, fail-safe and recovery are all in.
             if !(1000..1500).contains(&step) {
                 tell(InputEvent::Command(if step < 500 { 0.3 } else { 0.5 }));

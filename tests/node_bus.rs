@@ -38,6 +38,7 @@ fn options(environment: &Environment, words: &[&str]) -> RunOptions {
         residual: None,
         adapt: false,
         settings: NodeSettings { wishes: Wishes::default(), ..NodeSettings::default() },
+        read_only: false,
         duration: None,
         bag: None,
     }

@@ -10,7 +10,7 @@ use govtwin_model::params;
 use govtwin_model::twin::Twin;
 use govtwin_node::control::{Answer, Order, OrderOutcome, RunState};
 use govtwin_node::core::{Core, InputEvent, NodeInput, Notices, OnStale, Policy};
-use govtwin_node::integration::{Ends, Integrator, LoopPace, TickOutput, TimeSource, TimedEvent, pool};
+use govtwin_node::integration::{AwaitedInputs, Ends, Integrator, LoopPace, TickOutput, TimeSource, TimedEvent, pool};
 use govtwin_node::refit::Refit;
 
 const MS: i64 = 1_000_000;
@@ -24,7 +24,7 @@ fn integrator(simulated: bool) -> (Integrator, Ends) {
 
 fn hear(ends: &mut Ends, heard: &[InputEvent]) {
     for &heard in heard {
-        ends.events.push(TimedEvent { arrived_ns: 0, heard }).unwrap();
+        ends.events.push(TimedEvent { arrived_ns: 0, heard, stamp_ns: 0 }).unwrap();
     }
 }
 
@@ -136,11 +136,51 @@ fn own_time(paused: bool) -> (Integrator, Ends) {
 
 /// Gives an order and what is answered in the turns after it.
 fn order(integrator: &mut Integrator, ends: &mut Ends, order: Order, now_ns: i64) -> Vec<Answer> {
-    ends.events.push(TimedEvent { arrived_ns: now_ns, heard: InputEvent::Order(order, 7) }).unwrap();
+    ends.events.push(TimedEvent { arrived_ns: now_ns, heard: InputEvent::Order(order, 7), stamp_ns: 0 }).unwrap();
     for _ in 0..60 {
         integrator.turn(now_ns);
     }
     std::iter::from_fn(|| ends.answers.pop().ok()).collect()
+}
+
+#[test]
+fn steps_wait_for_a_new_sample_of_each_awaited_input_or_are_refused() {
+    let (integrator, mut ends) = own_time(true);
+    let of = [true, false, true, false];
+    let mut integrator = integrator.awaiting(AwaitedInputs { of, timeout_ns: 100 * MS });
+    hear(&mut ends, &INPUTS);
+    let answers = |ends: &mut Ends| std::iter::from_fn(|| ends.answers.pop().ok()).collect::<Vec<_>>();
+    // What came before the order counts.
+    let done = order(&mut integrator, &mut ends, Order::Step { ticks: 10 }, 0);
+    assert_eq!((done[0].outcome, integrator.stats().ticks), (OrderOutcome::Done, 10));
+    // The next one waits, for both, and uses what comes meanwhile.
+    assert!(order(&mut integrator, &mut ends, Order::Step { ticks: 5 }, 0).is_empty());
+    let sample = |heard, stamp_ns| TimedEvent { arrived_ns: 0, heard, stamp_ns };
+    ends.events.push(sample(InputEvent::Command(0.4), 70)).unwrap();
+    integrator.turn(50 * MS);
+    assert!(answers(&mut ends).is_empty() && integrator.stats().ticks == 10);
+    ends.events.push(sample(InputEvent::TankPressure(6.2e6), 71)).unwrap();
+    integrator.turn(60 * MS);
+    let done = answers(&mut ends);
+    assert_eq!(
+        (done[0].outcome, done[0].stamps_ns, integrator.stats().ticks),
+        (OrderOutcome::Done, [70, 0, 71, 0], 15)
+    );
+    let used = outputs(&mut ends).last().unwrap().tick;
+    assert_eq!((used.frame.inputs.opening_command_pu, used.stamps_ns), (0.4, [70, 0, 71, 0]));
+    // One that stays away is named, and nothing is stepped.
+    assert!(order(&mut integrator, &mut ends, Order::Step { ticks: 5 }, 60 * MS).is_empty());
+    ends.events.push(sample(InputEvent::Command(0.4), 72)).unwrap();
+    integrator.turn(159 * MS);
+    assert!(answers(&mut ends).is_empty());
+    integrator.turn(161 * MS);
+    assert_eq!(answers(&mut ends)[0].outcome, OrderOutcome::InputsMissing([false, false, true, false]));
+    assert_eq!(integrator.stats().ticks, 15);
+    // A pause ends the wait.
+    order(&mut integrator, &mut ends, Order::Step { ticks: 5 }, 161 * MS);
+    let outcomes: Vec<_> =
+        order(&mut integrator, &mut ends, Order::Pause, 161 * MS).iter().map(|one| one.outcome).collect();
+    assert_eq!(outcomes, [OrderOutcome::Interrupted, OrderOutcome::Done]);
 }
 
 #[test]
@@ -149,7 +189,7 @@ fn steps_advance_exactly_so_many_ticks_and_the_last_is_shown() {
     hear(&mut ends, &INPUTS);
     integrator.turn(0);
     assert_eq!(integrator.stats().ticks, 0, "it stands");
-    let done = |outcome, state| vec![Answer { ticket: 7, outcome, state }];
+    let done = |outcome, state| vec![Answer { ticket: 7, outcome, state, stamps_ns: [0; 4] }];
     assert_eq!(
         order(&mut integrator, &mut ends, Order::Step { ticks: 1 }, 0),
         done(OrderOutcome::Done, RunState::Paused)
@@ -269,7 +309,7 @@ fn a_load_force_moves_the_piston_and_falls_away_with_its_source() {
     for now in 0..4000 {
         let keep = [InputEvent::Command(0.3), InputEvent::Esv(EsvState::Normal), InputEvent::TankPressure(6.3e6)];
         for heard in keep {
-            ends.events.push(TimedEvent { arrived_ns: now * MS, heard }).unwrap();
+            ends.events.push(TimedEvent { arrived_ns: now * MS, heard, stamp_ns: 0 }).unwrap();
         }
         integrator.turn(now * MS);
         for output in outputs(&mut ends) {
@@ -279,7 +319,7 @@ fn a_load_force_moves_the_piston_and_falls_away_with_its_source() {
     }
     let last = last.unwrap();
     // On_stale is `trip` for all here: a coupling that dies must not go unseen.
-    assert!(last.fail_safe && last.load_n.abs() < 1e-9, "{last:?}");
+    assert!(last.fail_safe && last.frame.inputs.piston_force_n.abs() < 1e-9, "{last:?}");
     assert_eq!(last.frame.inputs.esv, EsvState::Shutdown);
     assert!(last.ages_ns[NodeInput::Load as usize].is_some());
 }
@@ -301,10 +341,13 @@ fn units_of_one_thread_keep_their_own_rates_and_one_that_ends_ends_all() {
         let thread = scope.spawn(move || pool::run(vec![one, slow, standing], &stop, &listener));
         std::thread::sleep(Duration::from_millis(300));
         let steps = InputEvent::Order(Order::Step { ticks: 7 }, 1);
-        standing_ends.events.push(TimedEvent { arrived_ns: 0, heard: steps }).unwrap();
+        standing_ends.events.push(TimedEvent { arrived_ns: 0, heard: steps, stamp_ns: 0 }).unwrap();
         std::thread::sleep(Duration::from_millis(100));
         assert!(!thread.is_finished());
-        slow_ends.events.push(TimedEvent { arrived_ns: 0, heard: InputEvent::Order(Order::Quit, 2) }).unwrap();
+        slow_ends
+            .events
+            .push(TimedEvent { arrived_ns: 0, heard: InputEvent::Order(Order::Quit, 2), stamp_ns: 0 })
+            .unwrap();
         thread.join().unwrap()
     });
     let [one, slow, standing] = &stats[..] else { panic!("{} of 3", stats.len()) };

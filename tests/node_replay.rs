@@ -35,11 +35,11 @@ fn integrator(pace: LoopPace, start_ns: i64) -> (Integrator, Ends) {
 }
 
 fn tell(ends: &mut Ends, arrived_ns: i64, heard: InputEvent) {
-    ends.events.push(TimedEvent { arrived_ns, heard }).unwrap();
+    ends.events.push(TimedEvent { arrived_ns, heard, stamp_ns: 0 }).unwrap();
 }
 
 /// Twelve seconds of a bench: steps and a ramp at a ragged rate, pressure dips, an ESV trip, a silence that
-/// trips the fail-safe, ticks left out after a stall.
+/// trips the fail-safe, a force on the piston, ticks left out after a stall.
 fn scripted(publish_period_ns: i64, record: &mut dyn FnMut(&TickOutput)) -> u64 {
     let pace = LoopPace { period_ns: MS, publish_period_ns, time: TimeSource::Wall, paused: false };
     let (mut integrator, mut ends) = integrator(pace, START_NS);
@@ -63,6 +63,10 @@ fn scripted(publish_period_ns: i64, record: &mut dyn FnMut(&TickOutput)) -> u64 
         if !silent && step % 250 == 0 {
             let trip = (6000..7500).contains(&step);
             tell(&mut ends, now_ns, InputEvent::Esv(if trip { EsvState::Shutdown } else { EsvState::Normal }));
+        }
+        // A coupled water column: it comes after the first ticks, and falls away for a while.
+        if (500..11_000).contains(&step) && !silent && step % 5 == 0 {
+            tell(&mut ends, now_ns, InputEvent::Load(8e4 * (1e-3 * step as f64).sin()));
         }
         if step == 3333 {
             integrator.skip(120);

@@ -24,6 +24,7 @@ fn recording(unit: &Unit) -> Recording {
             opening_command_pu: if i < 20 { 0.3 } else { 0.4 },
             esv: EsvState::Normal,
             tank_pressure_pa: unit.parameters.oil.tank_pressure_pa,
+            piston_force_n: 0.0,
         },
         measured: Signals { servomotor_position_pu: if i % 2 == 0 { 0.3 } else { f64::NAN }, ..Signals::NONE },
     };
@@ -37,6 +38,33 @@ fn a_replay_starts_anew_each_time() {
     let first = Replayed::new(&mut twin, recording(&unit));
     let second = Replayed::new(&mut twin, recording(&unit));
     assert_eq!(first.estimates, second.estimates);
+}
+
+#[test]
+fn a_force_on_the_piston_acts_from_its_row_on_and_a_start_under_it_is_in_balance() {
+    let unit = govtwin_model::params::reference();
+    let run = |force_n: &dyn Fn(usize) -> f64| {
+        let mut recording = recording(&unit);
+        for (k, frame) in recording.frames.iter_mut().enumerate() {
+            frame.inputs.opening_command_pu = if k < 50 { 0.3 } else { 0.6 };
+            frame.inputs.piston_force_n = force_n(k);
+        }
+        Replayed::new(&mut Twin::new(&unit), recording).estimates
+    };
+    let servomotor_pu = |estimate: &Estimate| estimate.signals.servomotor_position_pu;
+    let (free, late) = (run(&|_| 0.0), run(&|k| if k < 50 { 0.0 } else { 1e5 }));
+    assert_eq!(free[..=50], late[..=50]);
+    assert!(servomotor_pu(&late[99]) > servomotor_pu(&free[99]) + 1e-3, "an opening force helps");
+    for force_n in [-1e5, 1e5] {
+        let under = run(&|_| force_n);
+        assert!((servomotor_pu(&under[49]) - servomotor_pu(&under[0])).abs() < 1e-6, "{force_n} N at rest");
+        // The chambers carry it: both areas over the sum of their pressures' change.
+        let carried_n = (free[0].opening_chamber_pressure_pa - under[0].opening_chamber_pressure_pa)
+            * unit.parameters.servomotor.opening_area_m2;
+        assert!((carried_n - force_n).abs() < 1.0, "{carried_n} N of {force_n}");
+    }
+    // A row without a force keeps the last one.
+    assert_eq!(run(&|_| 1e5), run(&|k| if k % 3 == 0 { 1e5 } else { f64::NAN }));
 }
 
 #[test]
@@ -78,7 +106,7 @@ fn recordings() -> impl Strategy<Value = Recording> {
         let frame = |(step_ns, opening_command_pu, tripped, tank_pressure_pa)| {
             time_ns += step_ns;
             let esv = if tripped { EsvState::Shutdown } else { EsvState::Normal };
-            let inputs = Inputs { opening_command_pu, esv, tank_pressure_pa };
+            let inputs = Inputs { opening_command_pu, esv, tank_pressure_pa, piston_force_n: 0.0 };
             let measured = Signals { servomotor_position_pu: 0.5, spool_position_pu: 0.0, ..Signals::NONE };
             Frame { time_ns, inputs, measured }
         };

@@ -40,6 +40,7 @@ fn stroke_time_s(unit: &Unit, opens: bool) -> f64 {
             opening_command_pu,
             esv: EsvState::Normal,
             tank_pressure_pa: unit.parameters.oil.tank_pressure_pa,
+            piston_force_n: 0.0,
         },
         measured: Signals::NONE,
     };

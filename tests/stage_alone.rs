@@ -215,7 +215,12 @@ fn the_measured_rig_is_never_called_without_a_gap() {
             servomotor_position_pu: row.value(Target::ServomotorPosition).unwrap(),
             ..Signals::NONE
         };
-        let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN };
+        let inputs = Inputs {
+            opening_command_pu: f64::NAN,
+            esv: EsvState::Normal,
+            tank_pressure_pa: f64::NAN,
+            piston_force_n: 0.0,
+        };
         frames.push(Frame { time_ns: row.time_ns, inputs, measured });
         Ok::<(), ImportError>(())
     };

@@ -1,6 +1,6 @@
 //! Rows out of streams, by points 3 to 6 of the rule that `bag` states.
 
-use super::streams::{OpeningCommand, Pressure, Sample};
+use super::streams::{OpeningCommand, PistonForce, Pressure, Sample};
 use super::{BagError, Interpolation};
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::units::seconds_from_nanos;
@@ -11,13 +11,15 @@ pub(super) const ROW_LIMIT: i64 = 10_000_000;
 /// Rows further apart than this are of two clocks, ns: a day.
 pub(super) const FARTHEST_NS: i64 = 86_400_000_000_000;
 
-/// The four streams, each strictly rising in stamp. An absent input is one sample at the beginning of time.
+/// The streams, each strictly rising in stamp. An absent input is one sample at the beginning of time.
 #[derive(Debug, Default)]
 pub(super) struct Streams {
     pub(super) command: Vec<Sample<OpeningCommand>>,
     pub(super) esv: Vec<Sample<EsvState>>,
     pub(super) tank_pressure: Vec<Sample<Pressure>>,
     pub(super) servo_state: Vec<Sample<Signals>>,
+    /// Empty in most recordings.
+    pub(super) load: Vec<Sample<PistonForce>>,
 }
 
 /// Makes rows of the streams by the rule above.
@@ -33,6 +35,7 @@ pub(super) fn align(
         .chain(stamps(&streams.esv))
         .chain(stamps(&streams.tank_pressure))
         .chain(stamps(&streams.servo_state))
+        .chain(stamps(&streams.load))
         .collect();
     times_ns.sort_unstable();
     let begin_ns = [first(&streams.command), first(&streams.esv), first(&streams.tank_pressure)].into_iter().max();
@@ -62,6 +65,7 @@ pub(super) fn align(
     let mut esv = Cursor::new(&streams.esv);
     let mut tank_pressure = Cursor::new(&streams.tank_pressure);
     let mut servo_state = Cursor::new(&streams.servo_state);
+    let mut load = Cursor::new(&streams.load);
     let mut frames = Vec::with_capacity(times_ns.len());
     for time_ns in times_ns {
         let (Some(opening), Some(state), Some(pressure)) =
@@ -78,6 +82,7 @@ pub(super) fn align(
             },
             esv: state.value,
             tank_pressure_pa: if linear { tank_pressure.between(time_ns, |value| value.0) } else { pressure.value.0 },
+            piston_force_n: load.at(time_ns).map_or(0.0, |sample| sample.value.0),
         };
         let measured = servo_state
             .at(time_ns)

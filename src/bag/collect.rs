@@ -1,4 +1,4 @@
-//! The four streams while a bag is read: each takes its own messages, then they become samples on one clock.
+//! The streams while a bag is read: each takes its own messages, then they become samples on one clock.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use super::align::Streams;
 use super::evidence::StreamEvidence;
 use super::order::{self, Jump, Silence};
 use super::pace::Pace;
-use super::streams::{OpeningCommand, Pressure, Sample, Value, decode};
+use super::streams::{OpeningCommand, PistonForce, Pressure, Sample, Value, decode};
 use super::topic::{RawView, TopicInfo, shown};
 use super::translation::Translation;
 use super::{Positions, ReadOptions, Stream, StreamHealth, Warning};
@@ -148,12 +148,13 @@ impl<V: Value> AnyCollector for Collector<V> {
     }
 }
 
-/// All four.
+/// All of them.
 pub(super) struct Collected {
     pub(super) command: Collector<OpeningCommand>,
     pub(super) esv: Collector<EsvState>,
     pub(super) tank_pressure: Collector<Pressure>,
     pub(super) servo_state: Collector<Signals>,
+    pub(super) load: Collector<PistonForce>,
     /// By the address of what messages of one announcement share, which is kept so that nothing else gets that address.
     known: BTreeMap<usize, Announced>,
     /// Messages that were read by another definition of their type than the known one, by topic.
@@ -176,20 +177,21 @@ impl Collected {
             esv: Collector::new(Stream::Esv, options),
             tank_pressure: Collector::new(Stream::TankPressure, options),
             servo_state: Collector::new(Stream::ServoState, options),
+            load: Collector::new(Stream::Load, options),
             known: BTreeMap::new(),
             translated: BTreeMap::new(),
         }
     }
 
-    pub(super) fn all(&self) -> [&dyn AnyCollector; 4] {
-        [&self.command, &self.esv, &self.tank_pressure, &self.servo_state]
+    pub(super) fn all(&self) -> [&dyn AnyCollector; 5] {
+        [&self.command, &self.esv, &self.tank_pressure, &self.servo_state, &self.load]
     }
 
-    fn all_mut(&mut self) -> [&mut dyn AnyCollector; 4] {
-        [&mut self.command, &mut self.esv, &mut self.tank_pressure, &mut self.servo_state]
+    fn all_mut(&mut self) -> [&mut dyn AnyCollector; 5] {
+        [&mut self.command, &mut self.esv, &mut self.tank_pressure, &mut self.servo_state, &mut self.load]
     }
 
-    /// Takes a message; false where it is on none of the four topics.
+    /// Takes a message; false where it is on none of the topics.
     pub(super) fn take(&mut self, message: RawView<'_>) -> bool {
         let address = Arc::as_ptr(message.topic).addr();
         if !self.known.contains_key(&address) {
@@ -211,6 +213,7 @@ impl Collected {
             Stream::Esv => self.esv.take(message),
             Stream::TankPressure => self.tank_pressure.take(message),
             Stream::ServoState => self.servo_state.take(message),
+            Stream::Load => self.load.take(message),
         }
         true
     }
@@ -271,16 +274,18 @@ impl Collected {
         warning
     }
 
-    /// The samples, and health and evidence of each stream.
+    /// The samples, and health and evidence of each of [`Stream::ALL`]; behind these the health of the load, where it has messages.
     pub(super) fn finish(self) -> (Streams, Vec<StreamHealth>, [StreamEvidence; 4]) {
-        let Self { command, esv, tank_pressure, servo_state, .. } = self;
-        let health = vec![command.health, esv.health, tank_pressure.health, servo_state.health];
+        let Self { command, esv, tank_pressure, servo_state, load, .. } = self;
+        let mut health = vec![command.health, esv.health, tank_pressure.health, servo_state.health];
+        health.extend(Some(load.health).filter(|health| health.messages > 0));
         let evidence = [command.evidence, esv.evidence, tank_pressure.evidence, servo_state.evidence];
         let streams = Streams {
             command: command.samples,
             esv: esv.samples,
             tank_pressure: tank_pressure.samples,
             servo_state: servo_state.samples,
+            load: load.samples,
         };
         (streams, health, evidence)
     }

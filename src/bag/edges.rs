@@ -77,7 +77,8 @@ fn rows_before(streams: &Streams, time_ns: i64) -> u64 {
     let all = stamps(&streams.command)
         .chain(stamps(&streams.esv))
         .chain(stamps(&streams.tank_pressure))
-        .chain(stamps(&streams.servo_state));
+        .chain(stamps(&streams.servo_state))
+        .chain(stamps(&streams.load));
     let mut before: Vec<i64> = all.filter(|stamp_ns| *stamp_ns < time_ns).collect();
     before.sort_unstable();
     before.dedup();

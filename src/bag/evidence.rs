@@ -54,7 +54,7 @@ impl StreamEvidence {
         let behaviour = match stream {
             Stream::Command => COMMAND,
             Stream::TankPressure => PRESSURE,
-            Stream::Esv | Stream::ServoState => ESV,
+            Stream::Esv | Stream::ServoState | Stream::Load => ESV,
         };
         Self {
             frames: vec![],

@@ -15,7 +15,7 @@
 //!    read. All of it is counted.
 //! 3. There is one row for each distinct stamp of any stream, and one for each point of the grid where
 //!    linear interpolation is asked for; rows rise strictly in time.
-//! 4. An input is the newest value at or before the row. Under linear interpolation, command and
+//! 4. An input is the newest value at or before the row; a force on the piston is 0 before its first one. Under linear interpolation, command and
 //!    pressure run straight between their samples instead; the ESV always holds. Sharp interpolation puts
 //!    a bend of the command that lies between two samples where the lines of both sides meet.
 //! 5. `measured` is there only in rows whose time is the stamp of a servo state; it is never interpolated.
@@ -116,7 +116,7 @@ pub struct Loaded {
     pub health: Health,
 }
 
-/// The four streams that a recording is made of.
+/// The streams that a recording is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stream {
     /// `governor_msgs/msg/GovernorCommand`.
@@ -127,11 +127,16 @@ pub enum Stream {
     TankPressure,
     /// `governor_msgs/msg/ServoState`.
     ServoState,
+    /// `sensor_msgs/msg/JointState`: the force on the piston that the node takes as a joint command. Few recordings have it.
+    Load,
 }
 
 impl Stream {
-    /// All four, in the order of health reports.
+    /// The four that recordings of a servo system have, in the order of health reports.
     pub const ALL: [Self; 4] = [Self::Command, Self::Esv, Self::TankPressure, Self::ServoState];
+
+    /// All that are read.
+    pub const READ: [Self; 5] = [Self::Command, Self::Esv, Self::TankPressure, Self::ServoState, Self::Load];
 
     /// The three that act on the servo system.
     pub const INPUTS: [Self; 3] = [Self::Command, Self::Esv, Self::TankPressure];
@@ -144,11 +149,12 @@ impl fmt::Display for Stream {
             Self::Esv => "esv",
             Self::TankPressure => "tank_pressure",
             Self::ServoState => "servo_state",
+            Self::Load => "load",
         })
     }
 }
 
-/// Topic names of the four streams.
+/// Topic names of the streams.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topics {
     /// Topic of [`Stream::Command`].
@@ -159,6 +165,8 @@ pub struct Topics {
     pub tank_pressure: String,
     /// Topic of [`Stream::ServoState`].
     pub servo_state: String,
+    /// Topic of [`Stream::Load`].
+    pub load: String,
     /// Stamps are of clocks that differ: each stream is moved onto the recorder's clock, by the least delay of a message.
     pub by_log: bool,
 }
@@ -170,6 +178,7 @@ impl Default for Topics {
             esv: "/governor/esv".into(),
             tank_pressure: "/governor/tank_pressure".into(),
             servo_state: "/plant/servo_state".into(),
+            load: "/sim/joint_commands".into(),
             by_log: false,
         }
     }
@@ -184,6 +193,7 @@ impl Topics {
             Stream::Esv => &self.esv,
             Stream::TankPressure => &self.tank_pressure,
             Stream::ServoState => &self.servo_state,
+            Stream::Load => &self.load,
         }
     }
 
@@ -194,6 +204,7 @@ impl Topics {
             Stream::Esv => &mut self.esv,
             Stream::TankPressure => &mut self.tank_pressure,
             Stream::ServoState => &mut self.servo_state,
+            Stream::Load => &mut self.load,
         };
         name.clone_into(topic);
     }

@@ -13,7 +13,7 @@ use super::grid::{Grid, Irregular};
 use super::order;
 use super::pace::Pace;
 use super::read::Read;
-use super::streams::{OpeningCommand, Pressure, Sample, Value, note};
+use super::streams::{OpeningCommand, PistonForce, Pressure, Sample, Value, note};
 use super::topic::RawView;
 use super::{ReadOptions, Stream, StreamHealth};
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
@@ -140,13 +140,15 @@ impl<V: Value> Track<V> {
     }
 }
 
-/// The four streams on their way into rows, which are handed on one by one.
+/// The streams on their way into rows, which are handed on one by one.
 pub(super) struct Live {
     pub(super) collected: Collected,
     command: Track<OpeningCommand>,
     esv: Track<EsvState>,
     tank_pressure: Track<Pressure>,
     servo_state: Track<Signals>,
+    /// Nobody waits for its first sample: a node's own bag has the topic whether a force ever came or not.
+    load: Track<PistonForce>,
     newest_log_ns: Option<i64>,
     untried: usize,
     /// Stamps are to be moved onto the recorder's clock, for which all of them are needed.
@@ -179,6 +181,7 @@ impl Live {
             esv: Track::new(absent(Stream::Esv)),
             tank_pressure: Track::new(absent(Stream::TankPressure)),
             servo_state: Track::new(absent(Stream::ServoState)),
+            load: Track::new(false),
             newest_log_ns: None,
             untried: 0,
             by_log: options.topics.by_log,
@@ -223,11 +226,12 @@ impl Live {
             return Err(Irregular);
         }
         self.newest_log_ns = self.newest_log_ns.max(Some(message.log_time_ns));
-        let Collected { command, esv, tank_pressure, servo_state, .. } = &mut self.collected;
+        let Collected { command, esv, tank_pressure, servo_state, load, .. } = &mut self.collected;
         self.command.qualify(command, self.done_ns)?;
         self.esv.qualify(esv, self.done_ns)?;
         self.tank_pressure.qualify(tank_pressure, self.done_ns)?;
         self.servo_state.qualify(servo_state, self.done_ns)?;
+        self.load.qualify(load, self.done_ns)?;
         self.untried += 1;
         if self.untried < TOGETHER {
             return Ok(());
@@ -239,12 +243,14 @@ impl Live {
             self.esv.final_ns(log_time_ns),
             self.tank_pressure.final_ns(log_time_ns),
             self.servo_state.final_ns(log_time_ns),
+            self.load.newest.map_or(i64::MAX, |_| self.load.final_ns(log_time_ns)),
         ];
         self.rows(final_ns.into_iter().min().unwrap_or(i64::MIN), on_row)?;
         let waiting = self.command.waiting.len()
             + self.esv.waiting.len()
             + self.tank_pressure.waiting.len()
             + self.servo_state.waiting.len()
+            + self.load.waiting.len()
             + self.pending.len();
         if waiting > MOST_WAITING { Err(Irregular) } else { Ok(()) }
     }
@@ -252,8 +258,13 @@ impl Live {
     /// Makes all rows up to a time.
     fn rows(&mut self, final_ns: i64, on_row: &mut dyn FnMut(&Frame)) -> Result<(), Irregular> {
         loop {
-            let next =
-                [self.command.next_ns(), self.esv.next_ns(), self.tank_pressure.next_ns(), self.servo_state.next_ns()];
+            let next = [
+                self.command.next_ns(),
+                self.esv.next_ns(),
+                self.tank_pressure.next_ns(),
+                self.servo_state.next_ns(),
+                self.load.next_ns(),
+            ];
             let Some(time_ns) = next.into_iter().flatten().min().filter(|time_ns| *time_ns <= final_ns) else {
                 return Ok(());
             };
@@ -263,11 +274,12 @@ impl Live {
     }
 
     fn row(&mut self, time_ns: i64, on_row: &mut dyn FnMut(&Frame)) -> Result<(), Irregular> {
-        let Collected { command, esv, tank_pressure, servo_state, .. } = &mut self.collected;
+        let Collected { command, esv, tank_pressure, servo_state, load, .. } = &mut self.collected;
         let commanded = self.command.advance(time_ns, &mut command.evidence);
         self.esv.advance(time_ns, &mut esv.evidence);
         let pressed = self.tank_pressure.advance(time_ns, &mut tank_pressure.evidence);
         let measured = self.servo_state.advance(time_ns, &mut servo_state.evidence);
+        self.load.advance(time_ns, &mut load.evidence);
         if let Some(grid) = &mut self.grid {
             self.command.current.filter(|_| commanded).into_iter().for_each(|sample| grid.command(sample));
             self.tank_pressure.current.filter(|_| pressed).into_iter().for_each(|sample| grid.pressure(sample));
@@ -292,6 +304,7 @@ impl Live {
                 opening_command_pu: self.command.current.map_or(f64::NAN, |sample| sample.value.0),
                 esv: self.esv.current.map_or(EsvState::Normal, |sample| sample.value),
                 tank_pressure_pa: self.tank_pressure.current.map_or(f64::NAN, |sample| sample.value.0),
+                piston_force_n: self.load.current.map_or(0.0, |sample| sample.value.0),
             },
             measured: value(self.servo_state.current.filter(|_| measured)),
         });
@@ -339,11 +352,14 @@ impl Live {
     pub(super) fn conclude(mut self) -> Read {
         let translated = std::mem::take(&mut self.collected.translated);
         let (_, mut healths, evidence) = self.collected.finish();
-        if let [command, esv, tank_pressure, servo_state] = &mut healths[..] {
+        if let [command, esv, tank_pressure, servo_state, load @ ..] = &mut healths[..] {
             self.command.finish(command);
             self.esv.finish(esv);
             self.tank_pressure.finish(tank_pressure);
             self.servo_state.finish(servo_state);
+            if let Some(load) = load.first_mut() {
+                self.load.finish(load);
+            }
         }
         Read { healths, evidence, rows: self.evidence, edges: self.edges, jump: None, count: self.count, translated }
     }

@@ -167,6 +167,17 @@ pub struct TwinStatus {
     pub command_clamped: bool,
     /// Whether a learned correction is loaded and not applied.
     pub residual_off: bool,
+    /// Stamp of the command in force, 0 where it has none.
+    pub command_stamp: Time,
+    /// The same of the ESV state.
+    pub esv_stamp: Time,
+    /// The same of the tank pressure.
+    pub tank_pressure_stamp: Time,
+    /// The same of the load force.
+    pub load_stamp: Time,
+    /// What is wrong with inputs and node: a sum of 1 competing publishers, 2 old stamps, 4 a stamp that stands still, 8 stamps far from the
+    /// node's time, 16 another node of this name, 32 a latched trip.
+    pub health: u8,
 }
 
 /// `governor_msgs/msg/FaultSize`.

@@ -5,7 +5,7 @@ use super::topic::{RawMessage, RawView};
 use super::{ReadOptions, Stream};
 use govtwin_model::frame::{EsvState, Frame, Inputs};
 
-/// Follows the four streams message by message, in memory that does not grow.
+/// Follows the streams message by message, in memory that does not grow.
 pub struct Newest {
     collected: Collected,
     inputs: Inputs,
@@ -18,10 +18,15 @@ impl std::fmt::Debug for Newest {
 }
 
 impl Newest {
-    /// Nothing has come: command and pressure are NaN, the ESV is normal.
+    /// Nothing has come: command and pressure are NaN, the ESV is normal, no force acts.
     #[must_use]
     pub fn new(options: &ReadOptions) -> Self {
-        let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN };
+        let inputs = Inputs {
+            opening_command_pu: f64::NAN,
+            esv: EsvState::Normal,
+            tank_pressure_pa: f64::NAN,
+            piston_force_n: 0.0,
+        };
         Self { collected: Collected::new(options), inputs }
     }
 
@@ -34,7 +39,7 @@ impl Newest {
         if !self.collected.take(view) {
             return None;
         }
-        let Collected { command, esv, tank_pressure, servo_state, .. } = &mut self.collected;
+        let Collected { command, esv, tank_pressure, servo_state, load, .. } = &mut self.collected;
         if let Some(sample) = command.samples.pop() {
             self.inputs.opening_command_pu = sample.value.0;
         }
@@ -43,6 +48,9 @@ impl Newest {
         }
         if let Some(sample) = tank_pressure.samples.pop() {
             self.inputs.tank_pressure_pa = sample.value.0;
+        }
+        if let Some(sample) = load.samples.pop() {
+            self.inputs.piston_force_n = sample.value.0;
         }
         let state = servo_state.samples.pop()?;
         let time_ns = if state.stamp_ns == 0 { state.log_time_ns } else { state.stamp_ns };

@@ -31,6 +31,8 @@ pub(super) struct Limits {
 pub(super) const COMMAND_LIMITS: Limits = Limits { what: "opening", unit: "pu", least: -0.5, most: 1.5 };
 /// From vacuum to ten times the pressure of any governor's tank.
 pub(super) const PRESSURE_LIMITS: Limits = Limits { what: "pressure", unit: "Pa", least: -1.1e5, most: 1.0e8 };
+/// Forces on a piston; the largest servomotors have some 10 MN.
+pub(super) const FORCE_LIMITS: Limits = Limits { what: "force", unit: "N", least: -1.0e8, most: 1.0e8 };
 /// Positions in pu; a transducer may overshoot its span, not multiply it.
 pub(super) const POSITION_LIMITS: Limits = Limits { what: "position", unit: "pu", least: -10.0, most: 10.0 };
 /// Positions in an unknown unit.

@@ -22,6 +22,9 @@ use govtwin_model::recording::Recording;
 /// Gaps shorter than this are no news on any machine, s.
 const GAP_WORTH_A_WORD_S: f64 = 0.1;
 
+/// Place of the servo state in [`Stream::ALL`].
+const SERVO_STATE: usize = Stream::ServoState as usize;
+
 /// An error names at most so many topics.
 const MOST_TOPICS: usize = 50;
 
@@ -94,12 +97,13 @@ impl Read {
                 Stream::Command | Stream::TankPressure => "NaN",
                 Stream::Esv => "state normal",
                 Stream::ServoState => "NaN in every measured signal",
+                Stream::Load => "0 N",
             };
             Warning::Filled { topic: health.topic.clone(), with }
         });
         let filled: Vec<Warning> = filled.collect();
         health.warnings.extend(filled);
-        let measured = health.streams.last().filter(|stream| stream.kept == 0);
+        let measured = health.streams.get(SERVO_STATE).filter(|stream| stream.kept == 0);
         let only_simulated =
             simulated.zip(measured).map(|(simulated, measured)| findings::only_simulated(&measured.topic, simulated));
         health.notes.extend(only_simulated);
@@ -110,7 +114,7 @@ impl Read {
         let nothing = health.warnings.iter().find(|warning| is_nothing_measured(warning));
         if let Some(nothing) = nothing.filter(|_| options.required.contains(&Stream::ServoState)) {
             let topic = options.topics.of(Stream::ServoState).to_owned();
-            let messages = health.streams.last().map_or(0, |stream| stream.messages);
+            let messages = health.streams.get(SERVO_STATE).map_or(0, |stream| stream.messages);
             return Err(BagError::Unusable { path: path.to_owned(), topic, messages, first: nothing.to_string() });
         }
         Ok(health)
@@ -169,7 +173,7 @@ fn qualify(health: &mut Health, evidence: &mut [StreamEvidence; 4], rows: &mut R
 
 /// Turns counts into warnings.
 fn warn(health: &mut Health) {
-    for stream in &health.streams {
+    for (place, stream) in health.streams.iter().enumerate() {
         let whole = stream.undecodable + stream.bad_stamps + stream.duplicates + stream.conflicts;
         // A message that lost a value may have been dropped for another reason, too.
         let count = (whole + stream.bad_messages).min(stream.messages);
@@ -184,7 +188,8 @@ fn warn(health: &mut Health) {
         if stream.late > 0 {
             health.warnings.push(Warning::Late { topic: topic(), count: stream.late, of: stream.messages });
         }
-        if stream.pace.gaps > 0 && stream.pace.longest_gap_s > GAP_WORTH_A_WORD_S {
+        // A force, behind these, may be sent only when it changes.
+        if place < Stream::ALL.len() && stream.pace.gaps > 0 && stream.pace.longest_gap_s > GAP_WORTH_A_WORD_S {
             let (count, longest_s) = (stream.pace.gaps, stream.pace.longest_gap_s);
             health.warnings.push(Warning::Gap { topic: topic(), longest_s, count });
         }

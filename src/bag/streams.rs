@@ -1,12 +1,17 @@
-//! Decoding of the four streams: bytes to samples, with values that cannot be dropped and counted.
+//! Decoding of the streams: bytes to samples, with values that cannot be dropped and counted.
 
 use super::evidence::StreamEvidence;
-use super::qualification::{ANY_LIMITS, COMMAND_LIMITS, POSITION_LIMITS, PRESSURE_LIMITS, check_tank_pressure};
+use super::qualification::{
+    ANY_LIMITS, COMMAND_LIMITS, FORCE_LIMITS, POSITION_LIMITS, PRESSURE_LIMITS, check_tank_pressure,
+};
 use super::topic::RawView;
 use super::{Positions, StreamHealth, cdr};
 use crate::msg::{self, Interface, Time};
 use govtwin_model::frame::{EsvState, Signals};
 use govtwin_model::parameters::{ChannelReading, ChannelReadings};
+
+/// The joint whose effort is the force on the piston.
+const SERVOMOTOR: &str = "servomotor";
 
 /// One decoded value with its times.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +53,36 @@ impl Value for OpeningCommand {
 
     fn of(message: &Self::Message, _: Positions, _: &mut Vec<String>) -> Result<Self, String> {
         COMMAND_LIMITS.check(message.opening).map(Self)
+    }
+
+    fn frame_id(message: &Self::Message) -> &str {
+        &message.header.frame_id
+    }
+
+    fn number(self) -> f64 {
+        self.0
+    }
+}
+
+/// Force on the piston, N, + opens; NaN where a joint command asks for none, so that the last one holds.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PistonForce(pub(super) f64);
+
+impl Value for PistonForce {
+    type Message = msg::JointState;
+
+    fn of(message: &Self::Message, _: Positions, faults: &mut Vec<String>) -> Result<Self, String> {
+        let index = message.name.iter().position(|name| name == SERVOMOTOR);
+        let index = index.ok_or_else(|| format!("a joint command without the joint `{SERVOMOTOR}`"))?;
+        if message.position.get(index).is_some_and(|position_m| !position_m.is_nan()) {
+            faults.push(
+                "a joint command for a position, which no replay takes: it reads openings from the command's topic; \
+                         `govtwin run --bag` writes them there"
+                    .to_owned(),
+            );
+        }
+        let force_n = message.effort.get(index).copied().unwrap_or(f64::NAN);
+        Ok(Self(FORCE_LIMITS.check_signal(force_n, faults)))
     }
 
     fn frame_id(message: &Self::Message) -> &str {

@@ -41,7 +41,7 @@ pub struct Bag {
 /// Where the streams are, for the commands that read recordings.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct TopicArgs {
-    /// Topic of STREAM (command, esv, tank_pressure or servo_state), if the bags have another name for it; may be repeated.
+    /// Topic of STREAM (command, esv, tank_pressure, servo_state or load), if the bags have another name for it; may be repeated.
     #[arg(long = "topic", value_name = "STREAM=NAME", value_parser = stream_and_name)]
     pub(super) named: Vec<(Stream, String)>,
     /// What dates the samples: the stamp in their header, or the time of recording, where the senders' clocks differ.
@@ -84,11 +84,11 @@ impl TopicArgs {
 
 fn stream_and_name(text: &str) -> Result<(Stream, String), String> {
     let (stream, name) = text.split_once('=').unwrap_or((text, ""));
-    let known = Stream::ALL.into_iter().find(|known| known.to_string() == stream);
+    let known = Stream::READ.into_iter().find(|known| known.to_string() == stream);
     match known.filter(|_| !name.is_empty()) {
         Some(known) => Ok((known, name.to_owned())),
         None => {
-            Err(format!("expected STREAM=NAME with one of {}", Stream::ALL.map(|known| known.to_string()).join(", ")))
+            Err(format!("expected STREAM=NAME with one of {}", Stream::READ.map(|known| known.to_string()).join(", ")))
         }
     }
 }

@@ -6,12 +6,13 @@ use anyhow::bail;
 use govtwin_node::arguments::Arguments;
 use govtwin_node::bus::Bus;
 use govtwin_node::player::tape::Tape;
-use govtwin_node::player::{PlayOptions, Played, Player};
+use govtwin_node::player::{PlayOptions, Played, Player, Stamps};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
+use super::network::NetworkArgs;
 use super::output;
-use super::run::{duration, environment, stop_on_signals};
+use super::run::{duration, stop_on_signals};
 use crate::commands::{Outcome, expect, number};
 
 /// Arguments of `govtwin play`.
@@ -32,6 +33,10 @@ pub struct Args {
     /// It is published HZ times per second of the recording (100 if HZ is not given), and before each message.
     #[arg(long = "clock", value_name = "HZ", num_args = 0..=1, default_missing_value = "100", require_equals = true, value_parser = number)]
     clock_hz: Option<f64>,
+    /// Stamps of the messages: `now` as if they were recorded now, `recorded` as they stand in the recording [default: now,
+    /// with --clock recorded].
+    #[arg(long, value_enum, value_name = "WHICH")]
+    stamps: Option<StampsOf>,
     /// Publish only these topics, by their names in the recording.
     #[arg(long, value_name = "TOPIC", num_args = 1..)]
     topics: Vec<String>,
@@ -41,11 +46,8 @@ pub struct Args {
     /// Longest time to wait for a subscriber, s; 0 starts at once.
     #[arg(long = "wait", value_name = "S", default_value_t = 10.0, value_parser = number)]
     wait_s: f64,
-    /// Time after which other nodes drop this node if they hear nothing from it, s.
-    ///
-    /// The node announces itself five times in this time.
-    #[arg(long = "lease", value_name = "S", default_value_t = 10.0, value_parser = number)]
-    lease_s: f64,
+    #[command(flatten)]
+    network: NetworkArgs,
     /// Print JSON instead of text.
     #[arg(long)]
     json: bool,
@@ -55,8 +57,9 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-Every topic is published byte by byte as recorded, of any type. Topics that cannot be played are
-reported; with --clock, these include a recorded `/clock`.
+Every topic is published byte by byte as recorded, of any type, but for the stamp of a header at the
+beginning of a message: with the machine's clock it is fresh, with --clock the recorded one. Topics
+that cannot be played are reported; with --clock, these include a recorded `/clock`.
 
 Examples:
   govtwin play bags/reference/load_rejection_01.mcap --clock
@@ -65,20 +68,33 @@ Examples:
 
 Exit codes: 0 played, 1 not possible, 2 wrong usage, 3 played, but samples were lost.";
 
+/// Which stamps messages have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum StampsOf {
+    /// As if the recording were made now.
+    Now,
+    /// As they stand in the recording.
+    Recorded,
+}
+
 /// Plays a recording to its end, or until a signal.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     expect((1e-3..=1e3).contains(&args.speed), || format!("--speed is {}: expected 0.001 to 1000", args.speed))?;
     let clock_ok = args.clock_hz.is_none_or(|hz| (0.1..=10_000.0).contains(&hz));
     expect(clock_ok, || format!("--clock is {}: expected 0.1 to 10000 Hz", args.clock_hz.unwrap_or_default()))?;
     let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
-    let options = PlayOptions { speed_ratio: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait };
+    let stamps = match (args.stamps, args.clock_hz) {
+        (Some(StampsOf::Recorded), _) | (None, Some(_)) => Stamps::Recorded,
+        (Some(StampsOf::Now), _) | (None, None) => Stamps::Now,
+    };
+    let options = PlayOptions { speed_ratio: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait, stamps };
     let length = duration(args.duration_s, "--duration")?;
     let (tape, warnings) = Tape::open(args.bag.clone(), args.topics.clone(), length)?;
     for warning in &warnings {
         output::warn(&warning.to_string());
     }
     let Some(tape) = tape else { bail!("{}: nothing to play{}", args.bag.display(), none_of(&args.topics)) };
-    let environment = environment(args.lease_s)?;
+    let environment = args.network.environment()?;
     for remark in &environment.remarks {
         output::warn(remark);
     }

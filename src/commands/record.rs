@@ -12,7 +12,8 @@ use govtwin_node::recorder::{DEFAULT_TOPICS, OPTIONS, Selection, record};
 
 use serde_json::json;
 
-use super::run::{duration, environment, stop_on_signals};
+use super::network::NetworkArgs;
+use super::run::{duration, stop_on_signals};
 use super::{bus_map, output};
 use crate::commands::{Outcome, number};
 
@@ -45,11 +46,8 @@ pub struct Args {
     /// Duration of the recording, s; without it, the recorder runs until it is stopped.
     #[arg(long = "duration", value_name = "S", value_parser = number)]
     duration_s: Option<f64>,
-    /// Time after which other nodes drop this node if they hear nothing from it, s.
-    ///
-    /// The node announces itself five times in this time.
-    #[arg(long = "lease", value_name = "S", default_value_t = 10.0, value_parser = number)]
-    lease_s: f64,
+    #[command(flatten)]
+    network: NetworkArgs,
     /// Print JSON instead of text.
     #[arg(long)]
     json: bool,
@@ -82,7 +80,7 @@ Exit codes: 0 recorded, 1 the bag or the bus failed, 2 wrong usage, 3 recorded, 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Writer::check(&args.out, OPTIONS).context("--out")?;
     let length = duration(args.duration_s, "--duration")?;
-    let environment = environment(args.lease_s)?;
+    let environment = args.network.environment()?;
     for remark in &environment.remarks {
         output::warn(remark);
     }
@@ -112,7 +110,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if recorded.disk_full {
         output::warn("the disk was full: the bag ends before the recording was told to");
     }
-    let silence = recorded.silence(environment.domain);
+    // Of all that is published some topics may stay silent, such as /parameter_events.
+    let finds = args.all && args.topics.is_empty() && recorded.messages.values().any(|count| *count > 0);
+    let silence = if finds { Vec::new() } else { recorded.silence(environment.domain) };
     for words in &silence {
         output::warn(words);
     }

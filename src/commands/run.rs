@@ -12,12 +12,12 @@ use govtwin_model::twin::Twin;
 use govtwin_node::arguments::Arguments;
 use govtwin_node::bus_map::InputNames;
 use govtwin_node::core::{NodeInput, OnStale};
-use govtwin_node::environment::Environment;
 use govtwin_node::live::{self, RunEnd, RunOptions};
 use govtwin_node::realtime::Wishes;
 use govtwin_node::settings::{InputSettings, NodeSettings};
 use serde_json::json;
 
+use super::network::NetworkArgs;
 use super::{bus_map, model, output};
 use crate::commands::{Outcome, expect, number, usage};
 
@@ -100,17 +100,34 @@ pub struct Args {
     /// the default of the input.
     #[arg(long, value_name = "WHAT", default_value = "trip", value_parser = OnStale::NAMES)]
     on_stale: String,
-    /// Time after which other nodes drop this node if they hear nothing from it, s.
+    /// Refuse samples whose stamp is older than this, or as far ahead, s; without it, any stamp is taken.
     ///
-    /// The node announces itself five times in this time.
-    #[arg(long = "lease", value_name = "S", default_value_t = 10.0, value_parser = number)]
-    lease_s: f64,
+    /// Stamps are held against the machine's clock, or `/clock` with use_sim_time. A sample without a stamp is refused.
+    #[arg(long = "max-stamp-age", value_name = "S", value_parser = number)]
+    max_stamp_age_s: Option<f64>,
+    /// End the trip of a fail-safe as soon as all inputs are back; without it, the trip stays until `~/reset_trip`.
+    #[arg(long)]
+    auto_reset: bool,
+    /// Let callers ask, and change nothing: no parameters, no reset, no steps, no logger levels.
+    #[arg(long)]
+    read_only: bool,
+    #[command(flatten)]
+    network: NetworkArgs,
     /// Count time from 0, and publish it on `/clock` for other nodes.
     #[arg(long = "publish-clock")]
     publish_clock: bool,
     /// Start paused, until `~/step_simulation` or `~/set_simulation_state` starts the simulation.
     #[arg(long)]
     paused: bool,
+    /// Inputs of which each order to step waits for a new sample.
+    ///
+    /// They are read reliably, so that a sample that the network loses is sent again: a lock-step run then gives the
+    /// same result to the last bit, or a step is refused. Write one sample of each before every step.
+    #[arg(long = "step-waits-for", value_name = "INPUT", num_args = 1.., value_delimiter = ',', value_parser = NodeInput::NAMES)]
+    step_waits_for: Vec<String>,
+    /// How long a step waits for these inputs before it is refused, s.
+    #[arg(long = "step-timeout", value_name = "S", default_value_t = 1.0, value_parser = number, requires = "step_waits_for")]
+    step_timeout_s: f64,
     /// Inputs that may be absent; their defaults apply until the first sample.
     #[arg(long, value_name = "INPUT", num_args = 1.., value_delimiter = ',', value_parser = NodeInput::NAMES)]
     optional: Vec<String>,
@@ -138,6 +155,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     expect((0.001..=86_400.0).contains(stale_after_s), || {
         format!("--stale-after is {stale_after_s}: expected 0.001 to 86400 s")
     })?;
+    expect(args.max_stamp_age_s.is_none_or(|limit_s| (0.001..=86_400.0).contains(&limit_s)), || {
+        format!("--max-stamp-age is {}: expected 0.001 to 86400 s", args.max_stamp_age_s.unwrap_or_default())
+    })?;
+    expect((0.001..=3600.0).contains(&args.step_timeout_s), || {
+        format!("--step-timeout is {}: expected 0.001 to 3600 s", args.step_timeout_s)
+    })?;
     expect((0.0..=86_400.0).contains(hold_s), || format!("--hold is {hold_s}: expected 0 to 86400 s"))?;
     let settings = NodeSettings {
         rate_hz: args.rate_hz,
@@ -151,11 +174,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         }),
         publish_clock: args.publish_clock,
         paused: args.paused,
+        max_stamp_age_s: args.max_stamp_age_s,
+        latch_trip: !args.auto_reset,
+        step_inputs: NodeInput::NAMES.map(|name| args.step_waits_for.iter().any(|awaited| awaited == name)),
+        step_timeout_s: args.step_timeout_s,
         wishes: Wishes { cpu: args.cpu, priority: args.priority },
         ..NodeSettings::default()
     };
     let _claim = args.out.as_deref().map(|out| output::claim_place("--out", out)).transpose()?;
-    let environment = environment(args.lease_s)?;
+    let environment = args.network.environment()?;
     let whole = Arguments::parse(&args.ros, "govtwin")?;
     let map = bus_map::for_node(args.map.as_deref(), &args.definitions, args.adapt)?;
     let inputs = InputNames::new(map.as_ref());
@@ -168,6 +195,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             residual: args.residual.as_deref().map(model::load).transpose()?,
             adapt: args.adapt,
             settings,
+            read_only: args.read_only,
             duration: duration(args.duration_s, "--duration")?,
             bag,
         })
@@ -259,12 +287,6 @@ pub fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
             .context("cannot listen to signals")?;
     }
     Ok(stop)
-}
-
-/// The environment of the process with the lease from the command line.
-pub fn environment(lease_s: f64) -> anyhow::Result<Environment> {
-    expect((1.0..=3600.0).contains(&lease_s), || format!("--lease is {lease_s}: expected 1 to 3600 s"))?;
-    Ok(Environment { lease: Duration::from_secs_f64(lease_s), ..Environment::of_process()? })
 }
 
 /// Seconds from the command line as a duration.

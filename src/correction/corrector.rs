@@ -154,7 +154,12 @@ mod tests {
     use govtwin_model::twin::Twin;
 
     fn frame(k: i64, command_pu: f64) -> Frame {
-        let inputs = Inputs { opening_command_pu: command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 };
+        let inputs = Inputs {
+            opening_command_pu: command_pu,
+            esv: EsvState::Normal,
+            tank_pressure_pa: 6.3e6,
+            piston_force_n: 0.0,
+        };
         Frame { time_ns: k * 1_000_000, inputs, measured: Signals::NONE }
     }
 

@@ -247,6 +247,7 @@ mod tests {
                 opening_command_pu: 0.4 + 1e-4 * k as f64,
                 esv: EsvState::Normal,
                 tank_pressure_pa: 6.3e6,
+                piston_force_n: 0.0,
             },
             measured: Signals {
                 spool_position_pu: 0.01 * (k % 3) as f64,

@@ -148,7 +148,12 @@ pub(super) mod tests {
         for k in 0..rows {
             let time_s = 0.2 * k as f64;
             let command_pu = 0.4 + 0.1 * (0.7 * time_s).sin() + 0.05 * (0.13 * time_s + start_s as f64).sin();
-            let inputs = Inputs { opening_command_pu: command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 };
+            let inputs = Inputs {
+                opening_command_pu: command_pu,
+                esv: EsvState::Normal,
+                tank_pressure_pa: 6.3e6,
+                piston_force_n: 0.0,
+            };
             let mut frame =
                 Frame { time_ns: start_s * 1_000_000_000 + k * 200_000_000, inputs, measured: Signals::NONE };
             let signals = twin.step(&frame).signals;

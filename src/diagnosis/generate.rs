@@ -95,6 +95,7 @@ fn streams_of(mut plant: Plant, scenario: &Scenario) -> GeneratedStreams {
         opening_command_pu: script.initial_opening_pu,
         esv: EsvState::Normal,
         tank_pressure_pa: machine.tank_pressure_pa,
+        piston_force_n: 0.0,
     };
     let start = Signals { servomotor_position_pu: script.initial_opening_pu, ..Signals::NONE };
     twin.advance(&Frame { time_ns: begin_ns, inputs, measured: start });
@@ -125,6 +126,7 @@ fn streams_of(mut plant: Plant, scenario: &Scenario) -> GeneratedStreams {
                 opening_command_pu: command.opening_pu,
                 esv: command.esv,
                 tank_pressure_pa: machine.tank_pressure_pa,
+                piston_force_n: 0.0,
             };
             twin.advance(&Frame { time_ns, inputs, measured: Signals::NONE });
             if inputs.esv != esv_before {

@@ -132,7 +132,8 @@ pub(super) mod tests {
         let mut estimates = vec![];
         let frame = |k: i64| {
             let opening_command_pu = 0.4 + 0.1 * (0.14 * k as f64).sin();
-            let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 };
+            let inputs =
+                Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6, piston_force_n: 0.0 };
             let mut frame = Frame { time_ns: k * 200_000_000, inputs, measured: Signals::NONE };
             estimates.push(twin.step(&frame));
             frame.measured = estimates[estimates.len() - 1].signals;

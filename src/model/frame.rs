@@ -18,6 +18,8 @@ pub struct Inputs {
     pub esv: EsvState,
     /// Oil pressure of the pressure tank, Pa gauge.
     pub tank_pressure_pa: f64,
+    /// Force on the servomotor's piston besides the sheet's load, such as that of a coupled water column, N, + opens.
+    pub piston_force_n: f64,
 }
 
 impl Inputs {
@@ -29,6 +31,9 @@ impl Inputs {
         }
         if new.tank_pressure_pa.is_finite() {
             self.tank_pressure_pa = new.tank_pressure_pa;
+        }
+        if new.piston_force_n.is_finite() {
+            self.piston_force_n = new.piston_force_n;
         }
     }
 }

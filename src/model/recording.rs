@@ -113,7 +113,7 @@ impl ProcessWatch {
 ///
 /// let row = |time_ns, esv| Frame {
 ///     time_ns,
-///     inputs: Inputs { opening_command_pu: 0.5, esv, tank_pressure_pa: 6.0e6 },
+///     inputs: Inputs { opening_command_pu: 0.5, esv, tank_pressure_pa: 6.0e6, piston_force_n: 0.0 },
 ///     measured: Signals { servomotor_position_pu: 0.5, ..Signals::NONE },
 /// };
 /// let recording = Recording::new("trip", vec![row(0, EsvState::Normal), row(100_000_000, EsvState::Shutdown)]);

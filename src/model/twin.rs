@@ -58,7 +58,7 @@ pub enum Cut {
 /// let mut twin = Twin::new(&reference_unit());
 /// let frame = |time_s: i64, esv| Frame {
 ///     time_ns: time_s * 1_000_000_000,
-///     inputs: Inputs { opening_command_pu: 0.6, esv, tank_pressure_pa: 6.0e6 },
+///     inputs: Inputs { opening_command_pu: 0.6, esv, tank_pressure_pa: 6.0e6, piston_force_n: 0.0 },
 ///     measured: Signals::NONE,
 /// };
 /// let open = twin.step(&frame(0, EsvState::Normal)).signals.servomotor_position_pu;
@@ -99,7 +99,7 @@ impl Twin {
     pub fn of_plant(plant: Plant, nominal_tank_pressure_pa: f64, method: Method) -> Self {
         let tick_s = plant.regulator.small_loop_period_s();
         let solver = Solver::new(method, &plant, tick_s);
-        let none = Acting { opening_command_pu: 0.0, esv_opening_pu: 1.0, tank_pressure_pa: 0.0 };
+        let none = Acting { opening_command_pu: 0.0, esv_opening_pu: 1.0, tank_pressure_pa: 0.0, piston_force_n: 0.0 };
         let now = Now {
             state: State::default(),
             ticks: 0,
@@ -171,7 +171,7 @@ impl Twin {
     /// The estimate is for the frame's time. The first frame after `new` or `reset` starts at the
     /// steady state that its inputs and measured positions describe. A frame that is not later than
     /// its predecessor advances nothing. With an input that is not finite the last one stays in force; where
-    /// there never was one, the command is the measured position and the tank pressure the sheet's.
+    /// there never was one, the command is the measured position, the tank pressure the sheet's, and no force acts.
     #[must_use]
     pub fn step(&mut self, frame: &Frame) -> Estimate {
         self.advance(frame);
@@ -202,6 +202,7 @@ impl Twin {
             opening_command_pu: first_finite([frame.inputs.opening_command_pu, measured_pu, 0.0]),
             esv_opening_pu: esv_opening_pu(frame.inputs.esv),
             tank_pressure_pa: first_finite([frame.inputs.tank_pressure_pa, self.nominal_tank_pressure_pa, 0.0]),
+            piston_force_n: first_finite([frame.inputs.piston_force_n, 0.0, 0.0]),
         };
         now.coming = now.inputs;
         let wanted_pu = plant.regulator.command_gain * now.inputs.opening_command_pu;
@@ -226,6 +227,7 @@ impl Twin {
         let drive = Drive {
             esv_opening_pu: now.inputs.esv_opening_pu,
             tank_pressure_pa: now.inputs.tank_pressure_pa,
+            servomotor_force_n: now.inputs.piston_force_n,
             ..Drive::default()
         };
         now.state = steady(plant, position_pu * plant.servomotor.stroke_m, spool_position_m, &drive);
@@ -246,6 +248,7 @@ impl Twin {
                 Point::Command => now.inputs.opening_command_pu,
                 Point::EsvOpening => now.inputs.esv_opening_pu,
                 Point::SupplyPressure => now.inputs.tank_pressure_pa,
+                Point::ServomotorForce => now.inputs.piston_force_n,
                 Point::ValveCurrent => now.valve_current_pu,
                 Point::ServomotorReading | Point::RegulatorServomotor => now.servomotor_reading_pu,
                 Point::RegulatorSpool => plant.spool.reading_pu(now.state.spool_position_m),

@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 
 use ros2_client::parameters::raw;
 use ros2_client::{
-    Client, Context, CreateError, Message, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, Server,
-    ServiceMapping, ServiceTypeName, Subscription,
+    Client, Context, CreateError, Message, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, ServiceMapping,
+    ServiceTypeName, Subscription,
 };
 use ros2args::Ros2ArgsError;
 use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicies, TopicKind};
@@ -16,7 +16,7 @@ use serde::Serialize;
 use super::arguments::Arguments;
 use super::environment::Environment;
 use super::offer::dds_type;
-use super::qos::{self, best_effort, kept, reliable};
+use super::qos::{self, awaited, best_effort, kept, reliable};
 use super::services::call::Calls;
 use super::tap::Tap;
 use super::transport;
@@ -92,6 +92,7 @@ impl Bus {
     pub fn open(environment: &Environment, arguments: Arguments) -> Result<Self, BusError> {
         let join = |reason: String| BusError::Join { domain: environment.domain, reason };
         let mut builder = transport::with_lease(DomainParticipantBuilder::new(environment.domain), environment.lease);
+        builder = transport::with_peers(builder, environment.peers.clone());
         if let Some(networks) = &environment.only_networks {
             builder = builder.with_only_networks(networks.iter().copied());
         }
@@ -136,6 +137,18 @@ impl Bus {
     /// On a name that is none, or when DDS refuses.
     pub fn subscribe<M: Interface + 'static>(&mut self, topic: &str) -> Result<Subscription<M>, BusError> {
         self.listen(topic, best_effort())
+    }
+
+    /// The same, reliable where asked for: then what is lost is sent again, and only reliable publishers match.
+    ///
+    /// # Errors
+    /// As [`Bus::subscribe`].
+    pub fn subscribe_input<M: Interface + 'static>(
+        &mut self,
+        topic: &str,
+        is_reliable: bool,
+    ) -> Result<Subscription<M>, BusError> {
+        self.listen(topic, if is_reliable { awaited() } else { best_effort() })
     }
 
     /// The full name of a topic that is opened later, when it has a publisher.
@@ -192,53 +205,22 @@ impl Bus {
         self.publish_as(topic, (type_name, None), kept())
     }
 
-    /// Opens a service; `type_name` is `package/Type`.
-    ///
-    /// # Errors
-    /// On a name that is none, or when DDS refuses.
-    pub fn serve<Request, Response>(
-        &mut self,
-        mapping: ServiceMapping,
-        service: &str,
-        type_name: &str,
-    ) -> Result<Server<Request, Response>, BusError>
-    where
-        Request: Message + Clone + 'static,
-        Response: Message + Clone + 'static,
-    {
-        let full_name = self.arguments.resolve(service)?;
-        self.opened.insert(self.arguments.expand(service)?);
-        let name = parse_name(&full_name)?;
-        let (package, base) = split_type(type_name);
-        let type_name = ServiceTypeName::new(package, base);
-        self.node
-            .create_server(mapping, &name, &type_name, reliable(), reliable())
-            .map_err(|source| BusError::Open { topic: full_name, source })
-    }
-
     /// Opens a service of a type that this crate defines.
     ///
     /// # Errors
-    /// As [`Bus::serve`].
-    pub fn offer<S: Service>(
-        &mut self,
-        mapping: ServiceMapping,
-        service: &str,
-    ) -> Result<Server<S::Request, S::Response>, BusError>
-    where
-        S::Request: Message + Clone + 'static,
-        S::Response: Message + Clone + 'static,
-    {
-        self.serve(mapping, service, S::TYPE_NAME)
+    /// As [`Bus::calls`].
+    pub fn offer<S: Service>(&mut self, service: &str) -> Result<Calls, BusError> {
+        self.calls(service, S::TYPE_NAME)
     }
 
     /// Opens a service of any type, `package/KIND/Type`, for callers of both layouts.
     ///
     /// # Errors
-    /// As [`Bus::serve`].
-    pub(super) fn calls(&mut self, service: &str, type_name: &str) -> Result<Calls, BusError> {
+    /// On a name that is none, or when DDS refuses.
+    pub fn calls(&mut self, service: &str, type_name: &str) -> Result<Calls, BusError> {
         let full_name = self.arguments.resolve(service)?;
         self.opened.insert(self.arguments.expand(service)?);
+        parse_name(&full_name)?;
         let (participant, qos) = (self.context.domain_participant(), QosPolicies::from(&reliable()));
         let topic = |name: String, half: &str| {
             participant.create_topic(name, dds_type(&format!("{type_name}_{half}")), &qos, TopicKind::NoKey)
@@ -246,23 +228,18 @@ impl Bus {
         let refused = |source: rustdds::dds::CreateError| BusError::open(&full_name, source);
         let requests = topic(format!("rq{full_name}Request"), "Request").map_err(refused)?;
         let responses = topic(format!("rr{full_name}Reply"), "Response").map_err(refused)?;
-        let open = || {
-            let (subscriber, publisher) = (participant.create_subscriber(&qos)?, participant.create_publisher(&qos)?);
-            let reader = subscriber.create_simple_datareader_no_key(&requests, None)?;
-            let writer = publisher.create_datawriter_no_key(&responses, None)?;
-            Ok(Calls::new((subscriber, reader), (publisher, writer)))
-        };
-        let calls = open().map_err(refused)?;
+        let publisher = participant.create_publisher(&qos).map_err(refused)?;
+        let writer = publisher.create_datawriter_no_key(&responses, None).map_err(refused)?;
         let refused = |source| BusError::Open { topic: full_name.clone(), source };
-        let listed = self.node.create_subscription::<()>(&requests, None).map_err(refused)?;
-        let listed = (listed, self.node.create_publisher::<()>(&responses, None).map_err(refused)?);
-        Ok(calls.listed(listed))
+        let reader = self.node.create_subscription(&requests, None).map_err(refused)?;
+        let listed = self.node.create_publisher(&responses, None).map_err(refused)?;
+        Ok(Calls::new(participant, (&requests, reader), (publisher, writer), listed))
     }
 
     /// Opens a service of another node, by its full name, to call it.
     ///
     /// # Errors
-    /// As [`Bus::serve`].
+    /// As [`Bus::calls`].
     pub(super) fn call<S: Service>(
         &mut self,
         mapping: ServiceMapping,

@@ -33,6 +33,12 @@ impl ClockHeard {
         }
     }
 
+    /// The newest time of the clock, ns; `None` before its first word.
+    #[must_use]
+    pub fn time_ns(&self) -> Option<i64> {
+        self.newest().map(|(_, time_ns)| time_ns)
+    }
+
     fn newest(&self) -> Option<(i64, i64)> {
         let (arrived_ns, time_ns) = (self.arrived_ns.load(Ordering::Relaxed), self.time_ns.load(Ordering::Relaxed));
         (arrived_ns != NEVER).then_some((arrived_ns, time_ns))

@@ -1,5 +1,7 @@
 //! What callers want of the simulation, what became of it, and the clock on which ages are counted while it stands.
 
+use super::policy::NodeInput;
+
 /// Number by which an answer finds its caller.
 pub type Ticket = u64;
 
@@ -22,6 +24,8 @@ pub enum Order {
         /// The time too, where it is the node's own.
         time: bool,
     },
+    /// End a fail-safe's trip that stays.
+    ResetTrip,
     /// End the node.
     Quit,
 }
@@ -51,6 +55,8 @@ pub enum OrderOutcome {
     Busy,
     /// Another order ended the steps early.
     Interrupted,
+    /// These inputs, of which the steps wait for a new sample, did not come in time; nothing was stepped.
+    InputsMissing([bool; NodeInput::COUNT]),
 }
 
 /// The answer to an order.
@@ -62,6 +68,8 @@ pub struct Answer {
     pub outcome: OrderOutcome,
     /// The state from then on.
     pub state: RunState,
+    /// Stamps of the samples that are in force, ns; 0 where there is none.
+    pub stamps_ns: [i64; NodeInput::COUNT],
 }
 
 /// Steps under way.

@@ -5,12 +5,10 @@
 
 pub mod notices;
 
-use std::sync::Arc;
-
 pub use self::notices::Notices;
 use super::control::{Order, Ticket};
 pub use super::policy::{InputState, NodeInput, OnStale, Policies, Policy, Rule};
-use super::refit::{Load, Refit};
+use super::refit::Refit;
 use govtwin_correction::corrector::{Correction, Corrector};
 use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
 use govtwin_model::twin::Twin;
@@ -47,6 +45,7 @@ pub enum InputEvent {
 
 /// The outcome of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts of one tick")]
 pub struct Tick {
     /// What the twin was given.
     pub frame: Frame,
@@ -60,16 +59,18 @@ pub struct Tick {
     pub notices: Notices,
     /// Whether the fail-safe is on.
     pub fail_safe: bool,
+    /// Whether its trip stays until it is reset.
+    pub latched: bool,
     /// The fail-safe asks the node to end.
     pub stop: bool,
     /// What stands behind each input.
     pub states: [InputState; NodeInput::COUNT],
     /// Spool's reference stroke and servomotor's stroke, by which positions become metres.
     pub strokes_m: [f64; 2],
-    /// Force on the piston besides the sheet's load, N, + opens.
-    pub load_n: f64,
     /// Ages of the inputs, ns; `None` for one never heard.
     pub ages_ns: [Option<i64>; NodeInput::COUNT],
+    /// Stamps of the samples in force, ns; 0 for one never heard, or without a stamp.
+    pub stamps_ns: [i64; NodeInput::COUNT],
 }
 
 impl Tick {
@@ -84,15 +85,20 @@ impl Tick {
 struct HeldInput {
     heard_ns: Option<i64>,
     stale: bool,
+    /// A sample came since the last tick.
+    is_new: bool,
+    stamp_ns: i64,
+}
+
+impl HeldInput {
+    const NEVER: Self = Self { heard_ns: None, stale: false, is_new: false, stamp_ns: 0 };
 }
 
 /// The node's memory.
 #[derive(Clone, Debug)]
 pub struct Core {
     twin: Twin,
-    load: Arc<Load>,
     strokes_m: [f64; 2],
-    load_n: f64,
     corrector: Option<Corrector>,
     measured: Signals,
     policies: Policies,
@@ -101,6 +107,8 @@ pub struct Core {
     began_ns: Option<i64>,
     previous: Option<Inputs>,
     fail_safe: bool,
+    latches: bool,
+    latched: bool,
     pending: Notices,
 }
 
@@ -111,16 +119,18 @@ impl Core {
     pub fn new(twin: Twin, policies: impl Into<Policies>, tank_pressure_pa: f64) -> Self {
         let mut policies: Policies = policies.into();
         let tank_pressure_pa = *policies.default_tank_pressure_pa.get_or_insert(tank_pressure_pa);
-        let inputs =
-            Inputs { opening_command_pu: policies.default_command_pu, esv: policies.default_esv, tank_pressure_pa };
-        let held = [HeldInput { heard_ns: None, stale: false }; NodeInput::COUNT];
+        let inputs = Inputs {
+            opening_command_pu: policies.default_command_pu,
+            esv: policies.default_esv,
+            tank_pressure_pa,
+            piston_force_n: 0.0,
+        };
+        let held = [HeldInput::NEVER; NodeInput::COUNT];
         let plant = twin.plant();
         let strokes_m = [plant.spool.reference_stroke_m, plant.servomotor.stroke_m];
         Self {
             twin,
-            load: Arc::default(),
             strokes_m,
-            load_n: 0.0,
             corrector: None,
             measured: Signals::NONE,
             policies,
@@ -129,15 +139,17 @@ impl Core {
             began_ns: None,
             previous: None,
             fail_safe: false,
+            latches: false,
+            latched: false,
             pending: Notices::default(),
         }
     }
 
-    /// The same for a unit to whose piston `sim/joint_commands` may add a force.
+    /// The same for a unit that may be exchanged for another.
     #[must_use]
     pub fn of_refit(refit: Refit, policies: impl Into<Policies>) -> Self {
-        let Refit { twin, load, strokes_m, tank_pressure_pa } = refit;
-        Self { load, strokes_m, ..Self::new(twin, policies, tank_pressure_pa) }
+        let Refit { twin, strokes_m, tank_pressure_pa } = refit;
+        Self { strokes_m, ..Self::new(twin, policies, tank_pressure_pa) }
     }
 
     /// The same with a learned residual.
@@ -147,14 +159,43 @@ impl Core {
         self
     }
 
+    /// The same whose fail-safe trip stays until it is reset.
+    #[must_use]
+    pub fn latching(mut self, latches: bool) -> Self {
+        self.latches = latches;
+        self
+    }
+
+    /// Ends a trip that stays, where its inputs are back; returns whether there was one to end.
+    pub fn reset_trip(&mut self) -> bool {
+        std::mem::take(&mut self.latched)
+    }
+
     /// The learned residual, with what its guard and its adaptation did.
     #[must_use]
     pub fn corrector(&self) -> Option<&Corrector> {
         self.corrector.as_ref()
     }
 
+    /// Which of the wanted inputs have no sample since the last tick.
+    #[must_use]
+    pub fn missing(&self, wanted: [bool; NodeInput::COUNT]) -> [bool; NodeInput::COUNT] {
+        NodeInput::ALL.map(|input| wanted[input as usize] && !self.held[input as usize].is_new)
+    }
+
+    /// Stamps of the samples in force, ns; 0 where there is none.
+    #[must_use]
+    pub fn stamps_ns(&self) -> [i64; NodeInput::COUNT] {
+        self.held.map(|held| held.stamp_ns)
+    }
+
     /// Takes what was heard at `now_ns`, a time that never runs backwards between two resets.
     pub fn hear(&mut self, heard: InputEvent, now_ns: i64) {
+        self.take(heard, now_ns, 0);
+    }
+
+    /// The same with the stamp of the sample, ns; 0 where it has none.
+    pub fn take(&mut self, heard: InputEvent, now_ns: i64, stamp_ns: i64) {
         let input = match heard {
             InputEvent::Command(opening_command_pu) => {
                 self.inputs.opening_command_pu = opening_command_pu;
@@ -183,12 +224,13 @@ impl Core {
                 return;
             }
             InputEvent::Load(load_n) => {
-                self.load_n = load_n;
+                self.inputs.piston_force_n = load_n;
                 NodeInput::Load
             }
             InputEvent::Clock(_) | InputEvent::PublishPeriod(_) | InputEvent::Order(..) | InputEvent::Refit => return,
         };
-        self.held[input as usize].heard_ns = Some(now_ns);
+        let stale = self.held[input as usize].stale;
+        self.held[input as usize] = HeldInput { heard_ns: Some(now_ns), stale, is_new: true, stamp_ns };
     }
 
     /// Counts what was heard so far as heard at `now_ns`, where the clock on which ages are counted begins.
@@ -205,11 +247,12 @@ impl Core {
             corrector.reset();
         }
         self.measured = Signals::NONE;
-        self.held = [HeldInput { heard_ns: None, stale: false }; NodeInput::COUNT];
+        self.held = [HeldInput::NEVER; NodeInput::COUNT];
         self.began_ns = None;
-        self.load_n = 0.0;
+        self.inputs.piston_force_n = 0.0;
         self.previous = None;
         self.fail_safe = false;
+        self.latched = false;
         self.pending.add(Notices::RESET);
     }
 
@@ -221,13 +264,13 @@ impl Core {
         }
         self.previous = None;
         self.fail_safe = false;
+        self.latched = false;
         self.pending.add(Notices::RESTARTED);
     }
 
     /// Goes on with another twin from where this one is, and leaves this one in `refit`.
     pub fn refit(&mut self, refit: &mut Refit) {
         self.twin.go_on_as(&mut refit.twin);
-        std::mem::swap(&mut self.load, &mut refit.load);
         std::mem::swap(&mut self.strokes_m, &mut refit.strokes_m);
         self.pending.add(Notices::REFITTED);
     }
@@ -241,6 +284,7 @@ impl Core {
         for input in NodeInput::ALL {
             let rule = self.policies.rules[input as usize];
             let held = &mut self.held[input as usize];
+            held.is_new = false;
             let age_ns = now_ns.saturating_sub(held.heard_ns.unwrap_or(began_ns));
             let awaited = held.heard_ns.is_some() || rule.required;
             let stale = awaited && age_ns > rule.policy.stale_after_ns;
@@ -268,7 +312,8 @@ impl Core {
             let of = |input: &NodeInput| self.policies.rules[*input as usize].policy.on_stale == choice;
             runs && NodeInput::ALL.iter().any(|input| states[*input as usize] == InputState::Failed && of(input))
         };
-        let (trip, stop) = (failed(OnStale::Trip), failed(OnStale::Stop));
+        self.latched |= self.latches && failed(OnStale::Trip);
+        let (trip, stop) = (failed(OnStale::Trip) || self.latched, failed(OnStale::Stop));
         let fail_safe = trip || stop || failed(OnStale::Default);
         if fail_safe != self.fail_safe {
             self.fail_safe = fail_safe;
@@ -280,8 +325,6 @@ impl Core {
         if runs && self.previous.is_none() {
             notices.add(Notices::STARTED);
         }
-        let load_n = if states[NodeInput::Load as usize] == InputState::Failed { 0.0 } else { self.load_n };
-        self.load.set(load_n);
         let estimate = runs.then(|| self.twin.step(&frame));
         // A measured sample belongs to the tick that first sees it, and is no input of the twin.
         let seen = Frame { measured: std::mem::replace(&mut self.measured, Signals::NONE), ..frame };
@@ -304,132 +347,15 @@ impl Core {
             inputs_changed,
             notices,
             fail_safe,
+            latched: self.latched,
             stop,
             states,
             strokes_m: self.strokes_m,
-            load_n,
             ages_ns,
+            stamps_ns: self.stamps_ns(),
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::{Core, InputEvent, InputState, NodeInput, Notices, OnStale, Policies, Policy, Rule};
-    use govtwin_model::frame::EsvState;
-    use govtwin_model::twin::Twin;
-
-    const MS: i64 = 1_000_000;
-
-    fn core(on_stale: OnStale) -> Core {
-        let policy = Policy { stale_after_ns: 100 * MS, hold_ns: 50 * MS, on_stale };
-        Core::new(Twin::new(&govtwin_model::params::reference()), policy, 6.3e6)
-    }
-
-    fn hear_all(core: &mut Core, now_ns: i64) {
-        core.hear(InputEvent::Command(0.4), now_ns);
-        core.hear(InputEvent::Esv(EsvState::Normal), now_ns);
-        core.hear(InputEvent::TankPressure(6.2e6), now_ns);
-    }
-
-    #[test]
-    fn waits_for_all_inputs_then_starts_at_their_steady_state() {
-        let mut core = core(OnStale::Trip);
-        core.hear(InputEvent::Command(0.4), 0);
-        assert_eq!(core.tick(0, 0).estimate, None);
-        hear_all(&mut core, 0);
-        let tick = core.tick(MS, MS);
-        assert!(tick.notices.has(Notices::STARTED) && tick.inputs_changed);
-        let position_pu = tick.estimate.unwrap().signals.servomotor_position_pu;
-        assert!((position_pu - 0.4).abs() < 1e-2, "{position_pu}");
-        assert!(!core.tick(2 * MS, 2 * MS).inputs_changed);
-    }
-
-    #[test]
-    fn silence_is_announced_held_tripped_and_released_once_each() {
-        let mut core = core(OnStale::Trip);
-        hear_all(&mut core, 0);
-        let mut seen = Vec::new();
-        for step in 0..400 {
-            let now_ns = step * MS;
-            if step >= 300 {
-                hear_all(&mut core, now_ns);
-            }
-            let tick = core.tick(now_ns, now_ns);
-            let tripped = (151..300).contains(&step);
-            assert_eq!(tick.frame.inputs.esv == EsvState::Shutdown, tripped, "at {step} ms");
-            if !tick.notices.is_empty() {
-                seen.push((step, tick.notices));
-            }
-        }
-        let steps: Vec<i64> = seen.iter().map(|(step, _)| *step).collect();
-        assert_eq!(steps, [0, 101, 151, 300]);
-        assert!(NodeInput::ALL[..3].iter().all(|&input| seen[1].1.has(Notices::stale(input))));
-        assert!(seen[2].1.has(Notices::FAIL_SAFE));
-        assert!(seen[3].1.has(Notices::RELEASED) && seen[3].1.has(Notices::recovered(NodeInput::Esv)));
-    }
-
-    #[test]
-    fn hold_goes_on_and_stop_asks_to_end() {
-        let mut holding = core(OnStale::Hold);
-        let mut stopping = core(OnStale::Stop);
-        hear_all(&mut holding, 0);
-        hear_all(&mut stopping, 0);
-        let far_ns = 10_000 * MS;
-        let tick = holding.tick(far_ns, far_ns);
-        assert!(tick.frame.inputs.esv == EsvState::Normal && !tick.stop);
-        assert!(stopping.tick(far_ns, far_ns).stop);
-    }
-
-    #[test]
-    fn without_first_inputs_it_waits_and_says_what_for() {
-        let mut core = core(OnStale::Trip);
-        assert_eq!(core.tick(0, 0).estimate, None);
-        core.hear(InputEvent::Command(0.4), MS);
-        let tick = core.tick(151 * MS, 151 * MS);
-        assert!(tick.estimate.is_none() && !tick.fail_safe && !tick.stop);
-        assert!(
-            tick.notices.has(Notices::missing(NodeInput::Esv))
-                && tick.notices.has(Notices::missing(NodeInput::TankPressure))
-        );
-        assert_eq!(tick.states, [InputState::Held, InputState::Default, InputState::Default, InputState::Default]);
-    }
-
-    #[test]
-    fn an_optional_input_has_its_default_until_it_is_heard_and_its_own_limits_then() {
-        let policy = Policy { stale_after_ns: 100 * MS, hold_ns: 50 * MS, on_stale: OnStale::Trip };
-        let mut policies = Policies::from(policy);
-        policies.rules[NodeInput::Esv as usize].required = false;
-        let relaxed = Policy { stale_after_ns: 1000 * MS, hold_ns: 0, on_stale: OnStale::Default };
-        policies.rules[NodeInput::TankPressure as usize] = Rule { policy: relaxed, required: false };
-        policies.default_tank_pressure_pa = Some(5.9e6);
-        let mut core = Core::new(Twin::new(&govtwin_model::params::reference()), policies, 6.3e6);
-        let tick = |core: &mut Core, now: i64| {
-            core.hear(InputEvent::Command(0.4), now * MS);
-            core.tick(now * MS, now * MS)
-        };
-        let first = tick(&mut core, 0);
-        assert!(first.estimate.is_some());
-        assert_eq!((first.frame.inputs.esv, first.frame.inputs.tank_pressure_pa), (EsvState::Normal, 5.9e6));
-        assert!(!tick(&mut core, 5000).fail_safe, "an optional input never heard is not missed");
-        core.hear(InputEvent::TankPressure(6.1e6), 5000 * MS);
-        assert_eq!(tick(&mut core, 6000).frame.inputs.tank_pressure_pa, 6.1e6);
-        let late = tick(&mut core, 6001);
-        assert!(late.fail_safe && late.states[2] == InputState::Failed);
-        assert_eq!((late.frame.inputs.esv, late.frame.inputs.tank_pressure_pa), (EsvState::Normal, 5.9e6));
-        core.hear(InputEvent::Esv(EsvState::Normal), 6001 * MS);
-        let tripped = tick(&mut core, 6152);
-        assert_eq!(tripped.frame.inputs.esv, EsvState::Shutdown);
-        assert!(!tripped.is_clamped() && tick(&mut core, 6153).fail_safe);
-    }
-
-    #[test]
-    fn a_reset_forgets_what_was_heard() {
-        let mut core = core(OnStale::Trip);
-        hear_all(&mut core, 0);
-        assert!(core.tick(0, 0).estimate.is_some());
-        core.reset();
-        let tick = core.tick(0, 0);
-        assert!(tick.notices.has(Notices::RESET) && tick.estimate.is_none());
-    }
-}
+mod tests;

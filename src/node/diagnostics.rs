@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::control::RunState;
 use super::core::{NodeInput, Policies};
+use super::health::{Health, HealthFlags};
 use super::intake::{Refusal, TopicCounts};
 use super::integration::TickOutput;
 use govtwin_bag::msg::Header;
@@ -54,6 +55,8 @@ pub struct TimeKeeping {
     pub clock: Option<(u8, &'static str)>,
     /// Of a bag that is written: how bad, and what.
     pub bag: Option<(u8, &'static str)>,
+    /// What is wrong with inputs and node.
+    pub health: HealthFlags,
 }
 
 /// The health of one second.
@@ -70,7 +73,7 @@ pub fn compile(
     reported: &[TopicCounts; NodeInput::COUNT],
     course: TimeKeeping,
 ) -> DiagnosticArray {
-    let TimeKeeping { state, clock, bag } = course;
+    let TimeKeeping { state, clock, bag, health } = course;
     let mut status = Vec::new();
     let key_value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
     let mut add = |part: &str, level, message: String, values| {
@@ -80,6 +83,7 @@ pub fn compile(
     let is_stale = |input: NodeInput, age_ns: i64| age_ns > policies.rules[input as usize].policy.stale_after_ns;
     let (level, message) = match newest.map(|output| &output.tick) {
         _ if state != RunState::Playing => (0, "the simulation stands, until it is played or stepped"),
+        Some(tick) if tick.latched => (2, "fail-safe: the trip stays until ~/reset_trip is called"),
         Some(tick) if tick.fail_safe => (2, "fail-safe: inputs are missing"),
         Some(tick) if tick.estimate.is_some() => {
             let of = |input: NodeInput| tick.ages_ns[input as usize].is_some_and(|age_ns| is_stale(input, age_ns));
@@ -109,8 +113,13 @@ pub fn compile(
         );
         let (level, message) = match (age_ns, counts.all_refused().saturating_sub(reported.all_refused())) {
             (Some(age_ns), _) if is_stale(input, age_ns) => (2, format!("silent for {} s", seconds_text(age_ns))),
+            _ if health.of(input).is_some_and(|(level, _)| level > 1) => {
+                health.of(input).map_or((0, String::new()), |(level, words)| (level, words.to_owned()))
+            }
             (_, refused @ 1..) => (1, format!("samples refused since the last report: {refused}")),
-            (Some(_), 0) => (0, "heard".to_owned()),
+            (Some(_), 0) => {
+                health.of(input).map_or((0, "heard".to_owned()), |(level, words)| (level, words.to_owned()))
+            }
             (None, 0) if !policies.rules[input as usize].required => {
                 (0, "nothing heard; its default is taken".to_owned())
             }
@@ -118,7 +127,8 @@ pub fn compile(
         };
         add(input.topic(), level, message, values);
     }
-    for (part, told) in [("/clock", clock), ("bag", bag)] {
+    let name = (health.node & Health::NAME_TAKEN != 0).then_some((2, "another node has this node's name"));
+    for (part, told) in [("/clock", clock), ("bag", bag), ("name", name)] {
         if let Some((level, message)) = told {
             add(part, level, message.to_owned(), Vec::new());
         }

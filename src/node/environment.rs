@@ -1,15 +1,64 @@
 //! What the environment of a ROS 2 program asks for, and how far this node can follow.
 
-use std::net::{IpAddr, Ipv4Addr};
+use std::net::{IpAddr, Ipv4Addr, ToSocketAddrs as _};
 use std::time::Duration;
 
 use ros2_client::ServiceMapping;
+
+use super::transport;
 
 /// Highest domain whose ports exist.
 const LARGEST_DOMAIN: u16 = 232;
 
 /// Lease of a node that does not say otherwise, as Cyclone DDS has it.
 pub const DEFAULT_LEASE: Duration = Duration::from_secs(10);
+
+/// Variables of other middlewares, and what to do instead.
+const NOT_READ: [(&str, &str); 5] = [
+    ("ROS_DISCOVERY_SERVER", "RustDDS finds peers by multicast, not by a discovery server of Fast DDS"),
+    ("CYCLONEDDS_URI", "it configures Cyclone DDS, and this node runs on RustDDS; `--address` chooses networks"),
+    (
+        "FASTRTPS_DEFAULT_PROFILES_FILE",
+        "it configures Fast DDS, and this node runs on RustDDS; `--address` chooses networks",
+    ),
+    (
+        "FASTDDS_DEFAULT_PROFILES_FILE",
+        "it configures Fast DDS, and this node runs on RustDDS; `--address` chooses networks",
+    ),
+    ("RMW_FASTRTPS_USE_QOS_FROM_XML", "it configures Fast DDS, and this node runs on RustDDS; see `qos_overrides`"),
+];
+
+/// The distributions of ROS 2 that a build is for: they differ in how long a node's identity is on the wire.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Distribution {
+    /// Humble: 24 bytes.
+    Humble,
+    /// Iron and later, up to Lyrical: 16 bytes.
+    Later,
+}
+
+impl Distribution {
+    /// That of this build.
+    #[must_use]
+    pub const fn of_build() -> Self {
+        if cfg!(feature = "jazzy") { Self::Later } else { Self::Humble }
+    }
+
+    /// Which they are.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Humble => "ROS 2 Humble",
+            Self::Later => "ROS 2 Iron, Jazzy, Kilted and Lyrical",
+        }
+    }
+
+    /// The name of a distribution that is not one of these.
+    fn other_than(self, name: Option<&str>) -> Option<&str> {
+        let is_humble = |name: &&str| *name == "humble";
+        name.filter(|name| is_humble(name) != (self == Self::Humble))
+    }
+}
 
 /// An environment that cannot be followed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -35,8 +84,10 @@ pub struct Environment {
     pub domain: u16,
     /// Addresses to use; `None` for all.
     pub only_networks: Option<Vec<IpAddr>>,
-    /// How services of the peers are laid out on DDS.
-    pub service_mappings: Vec<ServiceMapping>,
+    /// Hosts to which the node is announced where multicast does not reach.
+    pub peers: Vec<IpAddr>,
+    /// How callers lay services out on DDS whose vendor does not say it: RustDDS has both layouts.
+    pub service_layout: ServiceMapping,
     /// How long peers believe in the node without a sign of life; no variable of the environment says it.
     pub lease: Duration,
     /// What could not be followed, in words.
@@ -96,11 +147,33 @@ impl Environment {
                     .to_owned(),
             );
         }
-        if let Some(peers) = set("ROS_STATIC_PEERS") {
-            remarks.push(format!(
-                "ROS_STATIC_PEERS={peers} cannot be followed: RustDDS has no list of peers; only multicast and this \
-                 machine are searched"
-            ));
+        let (mut peers, named) = (Vec::new(), set("ROS_STATIC_PEERS").unwrap_or_default());
+        for host in named.split(';').map(str::trim) {
+            // Port 0: only the address counts.
+            match (host, 0).to_socket_addrs().map(|found| found.map(|one| one.ip()).find(IpAddr::is_ipv4)) {
+                _ if host.is_empty() => {}
+                Ok(Some(address)) => peers.push(address),
+                _ => remarks.push(format!(
+                    "ROS_STATIC_PEERS: `{host}` is no IPv4 address or known host; expected addresses or names between `;`"
+                )),
+            }
+        }
+        if !peers.is_empty() && !transport::is_repaired() {
+            remarks.push("ROS_STATIC_PEERS cannot be followed: RustDDS as published has no list of peers".to_owned());
+        }
+        let distribution = set("ROS_DISTRO");
+        remarks.extend(Distribution::of_build().other_than(distribution.as_deref()).map(|name| {
+            let own = Distribution::of_build();
+            format!(
+                "ROS_DISTRO is {name}, and this program is built for {}: nodes of {name} do not find it in the graph of ROS; \
+                 topics and services pass. `govtwin --version` says what a build is for",
+                own.words()
+            )
+        }));
+        for (name, meant) in NOT_READ {
+            if let Some(value) = set(name) {
+                remarks.push(format!("{name}={value} does nothing: {meant}"));
+            }
         }
         // As rcl reads them: only these very words switch security on, and enforce it.
         if set("ROS_SECURITY_ENABLE").as_deref() == Some("true") {
@@ -114,14 +187,14 @@ impl Environment {
                  believed unprotected, and nodes that enforce security are not seen"
             ));
         }
-        let service_mappings = match set("RMW_IMPLEMENTATION") {
-            None => vec![ServiceMapping::Enhanced, ServiceMapping::Cyclone],
-            Some(name) if name.contains("cyclone") => vec![ServiceMapping::Cyclone],
-            Some(name) if name.contains("fastrtps") || name.contains("connext") => vec![ServiceMapping::Enhanced],
+        let service_layout = match set("RMW_IMPLEMENTATION") {
+            None => ServiceMapping::Enhanced,
+            Some(name) if name.contains("cyclone") => ServiceMapping::Cyclone,
+            Some(name) if name.contains("fastrtps") || name.contains("connext") => ServiceMapping::Enhanced,
             Some(name) => return Err(EnvironmentError::Middleware(name)),
         };
         let only_networks = localhost.then(|| vec![IpAddr::V4(Ipv4Addr::LOCALHOST)]);
-        Ok(Self { domain, only_networks, service_mappings, lease: DEFAULT_LEASE, remarks })
+        Ok(Self { domain, only_networks, peers, service_layout, lease: DEFAULT_LEASE, remarks })
     }
 }
 
@@ -139,7 +212,7 @@ mod tests {
     fn nothing_set_is_domain_0_on_all_networks_for_both_middlewares() {
         let environment = read(&[]).unwrap();
         assert_eq!((environment.domain, environment.only_networks), (0, None));
-        assert_eq!(environment.service_mappings, [ServiceMapping::Enhanced, ServiceMapping::Cyclone]);
+        assert_eq!(environment.service_layout, ServiceMapping::Enhanced);
         assert!(environment.remarks.is_empty());
     }
 
@@ -164,9 +237,26 @@ mod tests {
 
     #[test]
     fn what_cannot_be_followed_is_said() {
-        assert!(read(&[("ROS_STATIC_PEERS", "10.0.0.1")]).unwrap().remarks[0].contains("ROS_STATIC_PEERS"));
+        let named = read(&[("ROS_STATIC_PEERS", "10.0.0.1; 127.0.0.1;nowhere.invalid")]).unwrap();
+        assert_eq!(named.peers, ["10.0.0.1", "127.0.0.1"].map(|peer| peer.parse::<std::net::IpAddr>().unwrap()));
+        assert!(named.remarks.len() == 1 && named.remarks[0].contains("nowhere.invalid"), "{:?}", named.remarks);
         assert!(read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")]).unwrap().remarks[0].contains("OFF"));
         assert!(matches!(read(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]), Err(EnvironmentError::Middleware(_))));
+    }
+
+    #[test]
+    fn what_does_nothing_is_named() {
+        for (name, value) in [
+            ("ROS_DISCOVERY_SERVER", "10.0.0.1:11811"),
+            ("CYCLONEDDS_URI", "file:///cyclone.xml"),
+            ("FASTRTPS_DEFAULT_PROFILES_FILE", "/fast.xml"),
+            ("ROS_DISTRO", if cfg!(feature = "jazzy") { "humble" } else { "jazzy" }),
+        ] {
+            let remarks = read(&[(name, value)]).unwrap().remarks;
+            assert!(remarks.len() == 1 && remarks[0].contains(name) && remarks[0].contains(value), "{remarks:?}");
+        }
+        let own = if cfg!(feature = "jazzy") { "jazzy" } else { "humble" };
+        assert!(read(&[("ROS_DISTRO", own)]).unwrap().remarks.is_empty());
     }
 
     #[test]
@@ -180,8 +270,8 @@ mod tests {
 
     #[test]
     fn the_middleware_chooses_the_service_mapping() {
-        let mapping = |name| read(&[("RMW_IMPLEMENTATION", name)]).unwrap().service_mappings;
-        assert_eq!(mapping("rmw_cyclonedds_cpp"), [ServiceMapping::Cyclone]);
-        assert_eq!(mapping("rmw_fastrtps_cpp"), [ServiceMapping::Enhanced]);
+        let mapping = |name| read(&[("RMW_IMPLEMENTATION", name)]).unwrap().service_layout;
+        assert_eq!(mapping("rmw_cyclonedds_cpp"), ServiceMapping::Cyclone);
+        assert_eq!(mapping("rmw_fastrtps_cpp"), ServiceMapping::Enhanced);
     }
 }

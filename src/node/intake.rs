@@ -3,6 +3,7 @@
 pub mod competing_publishers;
 pub mod joints;
 pub mod mapped;
+pub mod stamps;
 
 use std::collections::BTreeMap;
 
@@ -42,11 +43,13 @@ pub enum Refusal {
     FieldAbsent,
     /// A text in a field that a map takes for a number.
     Text,
+    /// Its stamp is older than the node takes, or as far ahead.
+    Old,
 }
 
 impl Refusal {
     /// All reasons, in the order of their counts.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::NotFinite,
         Self::OutOfRange,
         Self::BadStamp,
@@ -56,6 +59,7 @@ impl Refusal {
         Self::NothingAsked,
         Self::FieldAbsent,
         Self::Text,
+        Self::Old,
     ];
 
     /// The reason in words.
@@ -71,6 +75,7 @@ impl Refusal {
             Self::NothingAsked => "without position or effort of the joint `servomotor`",
             Self::FieldAbsent => "without the field that the map names",
             Self::Text => "text, where the map expects a number",
+            Self::Old => "a stamp older than max_stamp_age, or as far ahead",
         }
     }
 }
@@ -166,6 +171,9 @@ pub trait Intake {
     /// # Errors
     /// With the reason for which it is not used.
     fn check(&self, gate: &mut TopicGate) -> Result<InputEvent, Refusal>;
+
+    /// Its stamp, ns; 0 where it has none.
+    fn stamp_ns(&self) -> i64;
 }
 
 impl Intake for msg::GovernorCommand {
@@ -173,6 +181,10 @@ impl Intake for msg::GovernorCommand {
 
     fn check(&self, gate: &mut TopicGate) -> Result<InputEvent, Refusal> {
         gate.pass(&self.header, in_range(self.opening, OPENING_RANGE_PU).map(InputEvent::Command))
+    }
+
+    fn stamp_ns(&self) -> i64 {
+        self.header.stamp.nanos().unwrap_or_default()
     }
 }
 
@@ -187,6 +199,10 @@ impl Intake for msg::EsvState {
         };
         gate.pass(&self.header, state.map(InputEvent::Esv))
     }
+
+    fn stamp_ns(&self) -> i64 {
+        self.header.stamp.nanos().unwrap_or_default()
+    }
 }
 
 impl Intake for msg::FluidPressure {
@@ -194,6 +210,10 @@ impl Intake for msg::FluidPressure {
 
     fn check(&self, gate: &mut TopicGate) -> Result<InputEvent, Refusal> {
         gate.pass(&self.header, in_range(self.fluid_pressure, PRESSURE_RANGE_PA).map(InputEvent::TankPressure))
+    }
+
+    fn stamp_ns(&self) -> i64 {
+        self.header.stamp.nanos().unwrap_or_default()
     }
 }
 

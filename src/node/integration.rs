@@ -6,7 +6,7 @@ pub mod pool;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::control::{AgeClock, Answer, RunState, Steps};
-use super::core::{Core, InputEvent, Notices, Tick};
+use super::core::{Core, InputEvent, NodeInput, Notices, Tick};
 use super::refit::Refit;
 use super::stats::Stats;
 
@@ -38,6 +38,8 @@ pub struct TimedEvent {
     pub arrived_ns: i64,
     /// What it was.
     pub heard: InputEvent,
+    /// Stamp of the sample, ns; 0 where it has none.
+    pub stamp_ns: i64,
 }
 
 /// What leaves the loop: every tick that is to be published, or would be if it had an estimate, that took new inputs
@@ -97,6 +99,15 @@ pub struct LoopPace {
     pub paused: bool,
 }
 
+/// Inputs of which each order to step waits for a new sample: in lock-step a sample that is lost and sent again comes after the order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AwaitedInputs {
+    /// Which.
+    pub of: [bool; NodeInput::COUNT],
+    /// How long, ns; an order whose inputs stay away longer is refused, and nothing is stepped.
+    pub timeout_ns: i64,
+}
+
 /// The loop's state between two wake-ups.
 pub struct Integrator {
     core: Core,
@@ -109,6 +120,9 @@ pub struct Integrator {
     stats: Stats,
     state: RunState,
     steps: Option<Steps>,
+    awaited: AwaitedInputs,
+    /// Until when the steps ordered last wait for their inputs, on the monotonic clock, ns.
+    waits_until_ns: Option<i64>,
     ages: AgeClock,
     start_ns: i64,
     time_ns: i64,
@@ -144,6 +158,8 @@ impl Integrator {
             stats: Stats::default(),
             state: if pace.paused { RunState::Paused } else { RunState::Playing },
             steps: None,
+            awaited: AwaitedInputs::default(),
+            waits_until_ns: None,
             ages,
             start_ns: time_ns,
             time_ns,
@@ -155,6 +171,13 @@ impl Integrator {
         let ends =
             Ends { events: event_in, refits: refit_in, retired: retired_out, outputs: output_out, answers: answer_out };
         (integrator, ends)
+    }
+
+    /// The same with inputs of which each order to step waits for a new sample.
+    #[must_use]
+    pub fn awaiting(mut self, awaited: AwaitedInputs) -> Self {
+        self.awaited = awaited;
+        self
     }
 
     /// Counts so far.
@@ -181,8 +204,8 @@ impl Integrator {
                 InputEvent::Order(order, ticket) => self.obey(order, ticket, now_ns),
                 InputEvent::Refit => self.refit(),
                 // Ages are counted on the clock that the model follows; they begin with its first word.
-                heard if self.follows() => self.core.hear(heard, self.clock_ns.unwrap_or(0)),
-                heard => self.core.hear(heard, self.ages.at(event.arrived_ns)),
+                heard if self.follows() => self.core.take(heard, self.clock_ns.unwrap_or(0), event.stamp_ns),
+                heard => self.core.take(heard, self.ages.at(event.arrived_ns), event.stamp_ns),
             }
         }
         if self.follows() {
@@ -190,7 +213,7 @@ impl Integrator {
         } else if self.state == RunState::Playing {
             self.tick(self.ages.at(now_ns), false);
         } else {
-            self.step();
+            self.step(now_ns);
         }
         self.node_events
     }
@@ -210,7 +233,7 @@ impl Integrator {
 
     /// Whether there is something to do before the next event.
     fn has_work(&self) -> bool {
-        self.steps.is_some() || self.is_behind() || !self.events.is_empty()
+        (self.steps.is_some() && self.waits_until_ns.is_none()) || self.is_behind() || !self.events.is_empty()
     }
 
     /// Whether there is room for the results of what is to be done.

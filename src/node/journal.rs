@@ -1,8 +1,8 @@
 //! The node's own bag: inputs as the twin took them, stamped with the tick at which they took effect, and estimates.
 //!
 //! A replay of this bag gives the estimates again, to the last bit: time is data, and the twin never
-//! learns whether a frame came from a bus or from a file. Two things are on the bus alone: a force on the piston is written, as the joint
-//! command that asked for it, but no replay reads it, and a unit changed while it runs is told in the log.
+//! learns whether a frame came from a bus or from a file. A force on the piston is written as the joint command that asks for it. A unit
+//! changed while it runs is told in the log alone.
 
 use std::path::{Path, PathBuf};
 
@@ -42,7 +42,6 @@ struct OpenBag {
     servo_state: Topic<ServoState>,
     joint_states: Topic<JointState>,
     previous: Option<Inputs>,
-    previous_load_n: f64,
 }
 
 impl Journal {
@@ -107,7 +106,6 @@ impl OpenBag {
             joint_states: writer.topic(&names.joint_states, Qos::DEFAULT)?,
             load: writer.topic(&names.inputs[NodeInput::Load as usize], Qos::SENSOR)?,
             previous: None,
-            previous_load_n: 0.0,
             writer,
         })
     }
@@ -123,8 +121,9 @@ impl OpenBag {
         if changed(|a, b| a.esv == b.esv) {
             self.writer.write(self.esv, time_ns, &messages::esv(inputs, time_ns))?;
         }
-        if std::mem::replace(&mut self.previous_load_n, tick.load_n).to_bits() != tick.load_n.to_bits() {
-            self.writer.write(self.load, time_ns, &messages::load(tick.load_n, time_ns))?;
+        let force_n = inputs.piston_force_n;
+        if before.map_or(0.0, |before| before.piston_force_n).to_bits() != force_n.to_bits() {
+            self.writer.write(self.load, time_ns, &messages::load(force_n, time_ns))?;
         }
         self.writer.write(self.servo_state, time_ns, &messages::servo_state(estimate))?;
         self.writer.write(self.joint_states, time_ns, &messages::joint_state(estimate, tick.strokes_m))

@@ -28,6 +28,7 @@ pub mod corrected;
 mod definitions;
 pub mod diagnostics;
 pub mod environment;
+pub mod health;
 pub mod intake;
 pub mod integration;
 pub mod journal;

@@ -23,10 +23,11 @@ use super::bus_map::InputNames;
 use super::bus_map::subscriber::OpenedTopic;
 use super::clock;
 use super::core::{InputEvent, NodeInput};
-use super::environment::Environment;
+use super::health::Health;
 use super::intake::competing_publishers::CompetingPublishers;
-use super::intake::{Intake, Numbering, TopicCounts, TopicGate};
-use super::integration::TimedEvent;
+use super::intake::stamps::StampWatch;
+use super::intake::{Intake, Numbering, Refusal, TopicCounts, TopicGate};
+use super::integration::{TimeSource, TimedEvent};
 use super::policy::JOINT_COMMANDS;
 use super::realtime::{monotonic_ns, wall_ns};
 use super::refit::Refit;
@@ -47,7 +48,7 @@ pub struct Subscriptions {
     joint_commands: Subscription<JointState>,
     measured: Option<Subscription<ServoState>>,
     clock: Option<Subscription<Clock>>,
-    services: Vec<(ParameterServices, UpkeepServices, SimulationServices)>,
+    services: (ParameterServices, UpkeepServices, SimulationServices),
     action: StepsAction,
     parameter_events: Publisher<raw::ParameterEvent>,
 }
@@ -65,23 +66,12 @@ impl Subscriptions {
     ///
     /// # Errors
     /// When DDS refuses one.
-    pub fn open(
-        bus: &mut Bus,
-        environment: &Environment,
-        settings: &NodeSettings,
-        adapts: bool,
-        is_mapped: bool,
-    ) -> Result<Self, BusError> {
+    pub fn open(bus: &mut Bus, settings: &NodeSettings, adapts: bool, is_mapped: bool) -> Result<Self, BusError> {
         let time = settings.pace().time;
-        let mut services = Vec::new();
-        for &mapping in &environment.service_mappings {
-            let parameters = ParameterServices::open(bus, mapping)?;
-            services.push((
-                parameters,
-                UpkeepServices::open(bus, mapping)?,
-                SimulationServices::open(bus, mapping, time)?,
-            ));
-        }
+        let services =
+            (ParameterServices::open(bus)?, UpkeepServices::open(bus)?, SimulationServices::open(bus, time)?);
+        // What a step waits for must be sent again where it is lost.
+        let awaits = |input: NodeInput| settings.step_inputs[input as usize];
         Ok(Self {
             services,
             action: StepsAction::open(bus, time)?,
@@ -89,12 +79,13 @@ impl Subscriptions {
                 None
             } else {
                 Some(NativeInputs {
-                    command: bus.subscribe(NodeInput::Command.topic())?,
-                    esv: bus.subscribe(NodeInput::Esv.topic())?,
-                    tank_pressure: bus.subscribe(NodeInput::TankPressure.topic())?,
+                    command: bus.subscribe_input(NodeInput::Command.topic(), awaits(NodeInput::Command))?,
+                    esv: bus.subscribe_input(NodeInput::Esv.topic(), awaits(NodeInput::Esv))?,
+                    tank_pressure: bus
+                        .subscribe_input(NodeInput::TankPressure.topic(), awaits(NodeInput::TankPressure))?,
                 })
             },
-            joint_commands: bus.subscribe(JOINT_COMMANDS)?,
+            joint_commands: bus.subscribe_input(JOINT_COMMANDS, awaits(NodeInput::Load))?,
             measured: if adapts && !is_mapped { Some(bus.subscribe(MEASURED)?) } else { None },
             clock: if settings.use_sim_time { Some(bus.subscribe("/clock")?) } else { None },
             parameter_events: bus.parameter_events()?,
@@ -134,6 +125,11 @@ pub struct Listener<'a> {
     pub counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
     /// What was heard of `/clock`, for whoever watches it.
     pub clock: &'a clock::ClockHeard,
+    /// What is wrong with the inputs, for whoever tells of it.
+    pub health: &'a Health,
+    time: Cell<TimeSource>,
+    max_stamp_age_ns: Cell<Option<i64>>,
+    stamps: RefCell<[StampWatch; NodeInput::COUNT]>,
     /// Stroke of the servomotor, by which metres become pu.
     stroke_m: Cell<f64>,
     names: InputNames,
@@ -164,7 +160,7 @@ impl<'a> Listener<'a> {
         integrator: Loop,
         node_events: Teller,
         counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
-        clock: &'a clock::ClockHeard,
+        (clock, health): (&'a clock::ClockHeard, &'a Health),
     ) -> Self {
         Self {
             bus,
@@ -172,6 +168,10 @@ impl<'a> Listener<'a> {
             node_events,
             counts,
             clock,
+            health,
+            time: Cell::new(TimeSource::Wall),
+            max_stamp_age_ns: Cell::new(None),
+            stamps: RefCell::default(),
             stroke_m: Cell::new(1.0),
             names: InputNames::new(None),
             opened: RefCell::new(None),
@@ -199,6 +199,9 @@ impl<'a> Listener<'a> {
         replies: &'s Replies<'p>,
     ) -> Vec<Arrivals<'s>> {
         self.stroke_m.set(services.store.borrow().unit().parameters.servomotor.stroke_m);
+        let settings = services.store.borrow().settings();
+        self.time.set(settings.pace().time);
+        self.max_stamp_age_ns.set(settings.max_stamp_age_ns());
         let mut streams =
             vec![subscriptions.joint_commands.async_stream().map(|sample| self.asked(sample)).boxed_local()];
         if let Some(native) = &subscriptions.native {
@@ -218,11 +221,10 @@ impl<'a> Listener<'a> {
             streams.push(ticks.boxed_local());
         }
         let mut answers = subscriptions.action.answers(services, replies);
-        for (parameters, upkeep, simulation) in &subscriptions.services {
-            answers.extend(parameters.answers(services));
-            answers.extend(upkeep.answers(services));
-            answers.extend(simulation.answers(services, replies));
-        }
+        let (parameters, upkeep, simulation) = &subscriptions.services;
+        answers.extend(parameters.answers(services));
+        answers.extend(upkeep.answers(services));
+        answers.extend(simulation.answers(services, replies));
         let events = &subscriptions.parameter_events;
         let follow_up = |stream: LocalBoxStream<'s, Aftermath>| {
             stream.map(move |aftermath| self.follow_up(aftermath, services, events)).boxed_local()
@@ -237,8 +239,13 @@ impl<'a> Listener<'a> {
     }
 
     fn tell(&self, heard: InputEvent) {
+        self.tell_stamped(heard, 0);
+    }
+
+    /// The same of a sample with a stamp, ns.
+    fn tell_stamped(&self, heard: InputEvent, stamp_ns: i64) {
         let mut integrator = self.integrator.borrow_mut();
-        let lost = integrator.events.push(TimedEvent { arrived_ns: monotonic_ns(), heard }).is_err();
+        let lost = integrator.events.push(TimedEvent { arrived_ns: monotonic_ns(), heard, stamp_ns }).is_err();
         integrator.thread.unpark();
         if lost && !self.full.replace(true) {
             self.say(LogLevel::Error, "the integration thread does not keep up: inputs are lost".to_owned());
@@ -286,6 +293,7 @@ impl<'a> Listener<'a> {
             return;
         }
         let settings = services.store.borrow().settings();
+        self.max_stamp_age_ns.set(settings.max_stamp_age_ns());
         // First to the supervisor, so that whatever comes of them is told in their words.
         self.node_events.tell(NodeEvent::Settings(Box::new(settings)));
         for (input, rule) in NodeInput::ALL.into_iter().zip(settings.policies().rules) {
@@ -302,6 +310,28 @@ impl<'a> Listener<'a> {
         if publisher.publish(event).is_err() {
             self.say(LogLevel::Warn, "a parameter event was lost".to_owned());
         }
+    }
+
+    /// The time that stamps are held against, ns; `None` where the model's time is its own, which only its followers share.
+    fn shared_time_ns(&self) -> Option<i64> {
+        match self.time.get() {
+            TimeSource::Wall => Some(wall_ns()),
+            TimeSource::Follow => self.clock.time_ns(),
+            TimeSource::Own => None,
+        }
+    }
+
+    /// Holds a sample's stamp against the node's time and the stamps before it, and tells what is wrong with the input.
+    fn look_at_stamp(&self, input: NodeInput, stamp_ns: i64) -> Result<(), Refusal> {
+        let limits = (self.shared_time_ns(), self.max_stamp_age_ns.get());
+        let looked = self.stamps.borrow_mut()[input as usize].take(stamp_ns, monotonic_ns(), limits.0, limits.1);
+        let (flags, outcome) = match looked {
+            Ok(flags) => (flags, Ok(())),
+            Err((flags, refusal)) => (flags, Err(refusal)),
+        };
+        let competing = self.competing.borrow()[input as usize].compete();
+        self.health.set(input, flags | if competing { Health::COMPETING } else { 0 });
+        outcome
     }
 
     fn say(&self, level: LogLevel, words: String) {

@@ -63,6 +63,8 @@ pub struct RunOptions {
     pub adapt: bool,
     /// Settings before `--ros-args`.
     pub settings: NodeSettings,
+    /// Callers may ask, and change nothing.
+    pub read_only: bool,
     /// End after so long.
     pub duration: Option<Duration>,
     /// Folder of the bag to write.
@@ -143,7 +145,12 @@ pub fn run_together(
         let Ends { events, refits, retired, outputs, answers } = ends;
         let (node_events, heard) = way();
         let action = station.subscriptions.action();
-        outlets.push(Outlet::new(&station.publishers, (outputs, answers), (replies, action), node_events.clone()));
+        outlets.push(Outlet::new(
+            (&station.publishers, &station.health),
+            (outputs, answers),
+            (replies, action),
+            node_events.clone(),
+        ));
         loops.push(integrator);
         let name = station.bus.arguments().full_name();
         let prefix = if options.len() > 1 { format!("{name}: ") } else { String::new() };
@@ -176,13 +183,13 @@ pub fn run_together(
             })?);
         }
         let steppers: Vec<_> = stepping.iter().map(|stepping| stepping.thread().clone()).collect();
-        let (threads, mappings) = (steppers.clone(), &first.environment.service_mappings);
+        let (threads, service) = (steppers.clone(), (first.environment.service_layout, first.read_only));
         let hearing = std::thread::Builder::new().name("hear".to_owned()).spawn_scoped(scope, move || {
             claim_as_carrier(wishes.priority);
             let units: Vec<_> = hearers
                 .into_iter()
                 .enumerate()
-                .map(|(n, one)| one.into_hearing(&threads[n / share], mappings))
+                .map(|(n, one)| one.into_hearing(&threads[n / share], service))
                 .collect();
             hear(units.iter().flat_map(UnitHearing::arrivals).collect(), listening);
         })?;
@@ -283,14 +290,16 @@ struct UnitHearing<'a, 'p> {
 }
 
 impl<'a, 'p> Hearer<'a, 'p> {
-    fn into_hearing(self, stepper: &Thread, mappings: &[ServiceMapping]) -> UnitHearing<'a, 'p> {
+    fn into_hearing(self, stepper: &Thread, (layout, read_only): (ServiceMapping, bool)) -> UnitHearing<'a, 'p> {
         let Self { station, replies, store, fixed_unit, node_events, ways, mapped: (names, opened) } = self;
         let (events, refits, retired) = ways;
         let integrator = Loop { events, refits, retired, thread: stepper.clone() };
-        let listener = Listener::new(&station.bus, integrator, node_events, &station.counts, &station.clock)
-            .with_map(names, opened);
-        let mut services = ServiceContext::new(store, mappings, &station.least);
+        let listener =
+            Listener::new(&station.bus, integrator, node_events, &station.counts, (&station.clock, &station.health))
+                .with_map(names, opened);
+        let mut services = ServiceContext::new(store, layout, &station.least);
         services.fixed_unit = fixed_unit;
+        services.read_only = read_only;
         UnitHearing { station, replies, listener, services }
     }
 }

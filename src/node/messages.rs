@@ -1,6 +1,7 @@
 //! Estimates and inputs as the messages that leave the node.
 
 use super::core::{InputState, Tick};
+use super::health::{Health, HealthFlags};
 use govtwin_bag::msg::{self, Header};
 use govtwin_model::frame::{Estimate, EsvState, Inputs};
 
@@ -19,9 +20,9 @@ pub fn servo_state(estimate: &Estimate) -> msg::ServoState {
     }
 }
 
-/// What stands behind the state of a tick.
+/// What stands behind the state of a tick, and what is wrong with inputs and node.
 #[must_use]
-pub fn status(tick: &Tick) -> msg::TwinStatus {
+pub fn status(tick: &Tick, health: HealthFlags) -> msg::TwinStatus {
     let state = match &tick.estimate {
         None => 0,
         Some(_) if tick.fail_safe => 3,
@@ -29,6 +30,7 @@ pub fn status(tick: &Tick) -> msg::TwinStatus {
         Some(_) => 1,
     };
     let [command, esv, tank_pressure, load] = tick.states.map(|state| state as u8);
+    let [command_stamp, esv_stamp, tank_pressure_stamp, load_stamp] = tick.stamps_ns.map(msg::Time::from_nanos);
     msg::TwinStatus {
         header: Header::at(tick.frame.time_ns),
         state,
@@ -38,6 +40,11 @@ pub fn status(tick: &Tick) -> msg::TwinStatus {
         load,
         command_clamped: tick.is_clamped(),
         residual_off: tick.correction.as_ref().is_some_and(|correction| correction.weight_share <= 0.0),
+        command_stamp,
+        esv_stamp,
+        tank_pressure_stamp,
+        load_stamp,
+        health: health.all() | if tick.latched { Health::LATCHED } else { 0 },
     }
 }
 

@@ -110,6 +110,18 @@ impl ParameterStore {
         add("inputs.tank_pressure.default", pressure, Domain::Real(0.0, 1.0e8), true, pressure_doc);
         let own_clock = "Count time from 0 and publish it as /clock";
         add("publish_clock", ParameterValue::Boolean(settings.publish_clock), Domain::Bool, true, own_clock);
+        let max_age = "A sample whose stamp is older, or as far ahead, is refused; 0 for no limit [s]";
+        let age = real(settings.max_stamp_age_s.unwrap_or(0.0));
+        add("max_stamp_age", age, Domain::Real(0.0, 86_400.0), false, max_age);
+        let latch = "Whether the trip of a fail-safe stays until ~/reset_trip, also when all inputs are back";
+        add("latch_trip", ParameterValue::Boolean(settings.latch_trip), Domain::Bool, true, latch);
+        let timeout = "How long a step waits for the inputs that await it [s]";
+        add("steps.timeout", real(settings.step_timeout_s), Domain::Real(0.001, 3600.0), true, timeout);
+        for (awaited, name) in settings.step_inputs.into_iter().zip(NodeInput::NAMES) {
+            let awaited = ParameterValue::Boolean(awaited);
+            let doc = "Whether each order to step waits for a new sample of this input, which is then read reliably";
+            add(&format!("steps.await.{name}"), awaited, Domain::Bool, true, doc);
+        }
         let paused = "Whether the simulation stands at first, to be stepped or played by its services";
         add("start_paused", ParameterValue::Boolean(settings.paused), Domain::Bool, true, paused);
         for row in ENTRIES {
@@ -166,6 +178,11 @@ impl ParameterStore {
             use_sim_time: self.value("use_sim_time") == ParameterValue::Boolean(true),
             publish_clock: self.value("publish_clock") == ParameterValue::Boolean(true),
             paused: self.value("start_paused") == ParameterValue::Boolean(true),
+            max_stamp_age_s: Some(real("max_stamp_age")).filter(|limit_s| *limit_s > 0.0),
+            latch_trip: self.value("latch_trip") == ParameterValue::Boolean(true),
+            step_inputs: NodeInput::NAMES
+                .map(|name| self.value(&format!("steps.await.{name}")) == ParameterValue::Boolean(true)),
+            step_timeout_s: real("steps.timeout"),
             wishes: super::realtime::Wishes {
                 cpu: usize::try_from(whole("cpu")).ok(),
                 priority: u8::try_from(whole("priority")).unwrap_or(0),

@@ -2,6 +2,7 @@
 
 pub mod tape;
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -13,10 +14,10 @@ use tape::Tape;
 use super::bus::{Bus, BusError};
 use super::offer::is_hash;
 use super::qos;
-use super::realtime::{Until, monotonic_ns, pause, sleep_until};
+use super::realtime::{Until, monotonic_ns, pause, sleep_until, wall_ns};
 use super::spout::Encoded;
 use govtwin_bag::msg::{Clock, Interface, Time};
-use govtwin_bag::{BagError, RawMessage};
+use govtwin_bag::{BagError, RawMessage, TopicInfo};
 use govtwin_model::units::seconds_from_nanos;
 
 /// Where time is told.
@@ -27,6 +28,9 @@ const NAP_NS: i64 = 20_000_000;
 
 /// After the last message, so that readers who lost it can ask for it again.
 const LINGER: Duration = Duration::from_millis(500);
+
+/// Stamps farther than this from the time of recording are of another clock, such as that of a simulation, ns.
+const OTHER_CLOCK_NS: i64 = 10_000_000_000;
 
 /// Once the first listener is there, others get so long to come too.
 const SETTLE: Duration = Duration::from_millis(700);
@@ -42,6 +46,17 @@ pub struct PlayOptions {
     pub clock_hz: Option<f64>,
     /// Wait so long for somebody to listen.
     pub wait: Duration,
+    /// Which stamps the messages have.
+    pub stamps: Stamps,
+}
+
+/// Which stamps played messages have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stamps {
+    /// Those of the recording: its time is that of `/clock`.
+    Recorded,
+    /// As if the recording were made now: each header keeps its distance from the others, over the speed.
+    Now,
 }
 
 /// What was played.
@@ -57,9 +72,16 @@ pub struct Played {
     pub passes: u64,
 }
 
+/// A topic as it is played.
+struct PlayedTopic {
+    publisher: Publisher<Encoded>,
+    /// Its messages begin with a `std_msgs/Header`.
+    has_header: bool,
+}
+
 /// A recording ready to be played.
 pub struct Player {
-    outlets: BTreeMap<String, Publisher<Encoded>>,
+    outlets: BTreeMap<String, PlayedTopic>,
     clock: Option<Publisher<Clock>>,
     /// Topics that are not played, and why.
     pub left_out: Vec<(String, &'static str)>,
@@ -83,8 +105,9 @@ impl Player {
             } else {
                 let kind = (topic.type_name.as_str(), Some(topic.type_hash.as_str()).filter(|hash| is_hash(hash)));
                 match bus.publish_as(&topic.name, kind, qos::played(&topic.offered_qos_profiles)) {
-                    Ok(outlet) => {
-                        outlets.insert(topic.name.clone(), outlet);
+                    Ok(publisher) => {
+                        let has_header = begins_with_header(topic);
+                        outlets.insert(topic.name.clone(), PlayedTopic { publisher, has_header });
                         continue;
                     }
                     Err(BusError::Name { .. }) => "its name is none of ROS 2",
@@ -131,7 +154,9 @@ impl Player {
         let (first_ns, last_ns) = tape.span_ns();
         loop {
             played.passes += 1;
-            let pass = Pass { begin_ns: monotonic_ns(), first_ns, speed_ratio: options.speed_ratio };
+            let (begin_ns, begin_wall_ns) = (monotonic_ns(), wall_ns());
+            let speed_ratio = options.speed_ratio;
+            let pass = Pass { begin_ns, begin_wall_ns, first_ns, speed_ratio, shift_ns: OnceCell::new() };
             tape.run(|messages| self.pass(messages, &pass, options, stop, &mut played, progress))?;
             if !options.repeat || last_ns == first_ns || stop.load(Ordering::Relaxed) {
                 pause(LINGER);
@@ -169,7 +194,14 @@ impl Player {
                 tell_clock(clock, message.log_time_ns);
             }
             if let Some(outlet) = self.outlets.get(&message.topic.name) {
-                if Encoded::of(message.data).is_some_and(|sample| outlet.publish(sample).is_ok()) {
+                let fresh = options.stamps == Stamps::Now && outlet.has_header;
+                let sample = Encoded::of(message.data).map(|mut sample| {
+                    if fresh {
+                        sample.restamp(|stamp| pass.stamp_now(stamp, message.log_time_ns));
+                    }
+                    sample
+                });
+                if sample.is_some_and(|sample| outlet.publisher.publish(sample).is_ok()) {
                     *played.messages.entry(message.topic.name.clone()).or_default() += 1;
                 } else {
                     played.lost += 1;
@@ -184,8 +216,11 @@ impl Player {
 /// Where the times of a recording lie on the machine's clock while it is played once.
 struct Pass {
     begin_ns: i64,
+    begin_wall_ns: i64,
     first_ns: i64,
     speed_ratio: f64,
+    /// From the stamps' clock to the recorder's, by the first stamp; 0 where they are one.
+    shift_ns: OnceCell<i64>,
 }
 
 impl Pass {
@@ -194,6 +229,29 @@ impl Pass {
     fn due_ns(&self, time_ns: i64) -> i64 {
         self.begin_ns + ((time_ns - self.first_ns) as f64 / self.speed_ratio) as i64
     }
+
+    /// The stamp of a message as if it were recorded now: as long before its log time as it was, or of the time of its recording where the stamps
+    /// are of another clock. One without a time stays so.
+    #[expect(clippy::cast_possible_truncation, reason = "days of nanoseconds fit")]
+    fn stamp_now(&self, stamp: Time, log_time_ns: i64) -> Time {
+        let Some(stamp_ns) = stamp.nanos().filter(|stamp_ns| *stamp_ns != 0) else { return stamp };
+        let delay_ns = log_time_ns.saturating_sub(stamp_ns);
+        let is_other = delay_ns.saturating_abs() > OTHER_CLOCK_NS;
+        let shift_ns = *self.shift_ns.get_or_init(|| if is_other { delay_ns } else { 0 });
+        let since_first_ns = stamp_ns.saturating_add(shift_ns).saturating_sub(self.first_ns);
+        Time::from_nanos(self.begin_wall_ns + (since_first_ns as f64 / self.speed_ratio) as i64)
+    }
+}
+
+/// Whether messages of a topic begin with a header, by the definition that the bag keeps.
+fn begins_with_header(topic: &TopicInfo) -> bool {
+    let text = String::from_utf8_lossy(&topic.schema);
+    let mut fields = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+    // Constants are no fields.
+    let first = fields.find(|line| !line.is_empty() && !line.contains('='));
+    first.is_some_and(|field| {
+        matches!(field.split_whitespace().next(), Some("std_msgs/Header" | "std_msgs/msg/Header" | "Header"))
+    })
 }
 
 fn tell_clock(clock: &Publisher<Clock>, time_ns: i64) {
@@ -212,5 +270,41 @@ fn sleep_while(due_ns: i64, stop: &AtomicBool) -> bool {
             return true;
         }
         sleep_until(due_ns.min(now_ns + NAP_NS));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{OnceCell, Pass, Time, TopicInfo, begins_with_header};
+
+    fn pass(first_ns: i64) -> Pass {
+        Pass { begin_ns: 0, begin_wall_ns: 1_000_000_000_000, first_ns, speed_ratio: 2.0, shift_ns: OnceCell::new() }
+    }
+
+    #[test]
+    fn fresh_stamps_keep_their_distances_over_the_speed() {
+        let pass = pass(50_000_000_000);
+        let at = |stamp_ns, log_ns| pass.stamp_now(Time::from_nanos(stamp_ns), log_ns).nanos().unwrap();
+        assert_eq!(at(50_000_000_000, 50_000_000_000), 1_000_000_000_000);
+        assert_eq!(at(52_000_000_000, 52_010_000_000), 1_001_000_000_000);
+        assert_eq!(at(0, 52_000_000_000), 0, "no stamp, no time");
+    }
+
+    #[test]
+    fn stamps_of_another_clock_become_those_of_now_together() {
+        let pass = pass(50_000_000_000);
+        let at = |stamp_ns, log_ns| pass.stamp_now(Time::from_nanos(stamp_ns), log_ns).nanos().unwrap();
+        assert_eq!(at(7_000_000_000, 50_000_000_000), 1_000_000_000_000);
+        // Later ones keep their distance from it, however late they were recorded.
+        assert_eq!(at(9_000_000_000, 52_500_000_000), 1_001_000_000_000);
+    }
+
+    #[test]
+    fn a_header_is_known_by_the_definition() {
+        let begins =
+            |schema: &str| begins_with_header(&TopicInfo { schema: schema.as_bytes().into(), ..TopicInfo::default() });
+        assert!(begins("# what\nuint8 CODE=3\nstd_msgs/Header header # when\nfloat64 opening\n"));
+        assert!(!begins("float64 data\nstd_msgs/Header header\n"));
+        assert!(!begins(""));
     }
 }

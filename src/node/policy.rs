@@ -145,6 +145,7 @@ pub enum InputState {
 
 impl Policies {
     /// The inputs for a tick: the last values, the defaults where a fail-safe goes back to them, and an ESV trip.
+    /// A force whose source is silent for too long is none.
     #[must_use]
     pub fn inputs(&self, last: &Inputs, states: &[InputState; NodeInput::COUNT], trip: bool) -> Inputs {
         let back = |input: NodeInput| {
@@ -163,6 +164,9 @@ impl Policies {
         }
         if trip {
             inputs.esv = EsvState::Shutdown;
+        }
+        if states[NodeInput::Load as usize] == InputState::Failed {
+            inputs.piston_force_n = 0.0;
         }
         inputs
     }

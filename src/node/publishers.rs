@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::bus::{Bus, BusError};
 use super::control::Answer;
 use super::corrected::CorrectedPublishers;
+use super::health::Health;
 use super::integration::TickOutput;
 use super::listener::event::{NodeEvent, Teller};
 use super::messages;
@@ -63,6 +64,7 @@ pub struct Outlet<'a, 's> {
     replies: &'a Replies<'s>,
     action: &'a StepsAction,
     node_events: Teller,
+    health: &'a Health,
     time_ns: i64,
     told_ns: i64,
     lost: u64,
@@ -72,12 +74,12 @@ impl<'a, 's> Outlet<'a, 's> {
     /// Results and answers of one loop, for those who subscribe, who called, and the supervisor.
     #[must_use]
     pub fn new(
-        publishers: &'a Publishers,
+        (publishers, health): (&'a Publishers, &'a Health),
         (outputs, answers): (Consumer<TickOutput>, Consumer<Answer>),
         (replies, action): (&'a Replies<'s>, &'a StepsAction),
         node_events: Teller,
     ) -> Self {
-        Self { publishers, outputs, answers, replies, action, node_events, time_ns: 0, told_ns: 0, lost: 0 }
+        Self { publishers, outputs, answers, replies, action, node_events, health, time_ns: 0, told_ns: 0, lost: 0 }
     }
 
     /// Publishes what is there and hands it on to the supervisor; callers are answered once what they ordered is published.
@@ -106,7 +108,7 @@ impl<'a, 's> Outlet<'a, 's> {
         if output.publish || output.tick.estimate.is_none() {
             self.told_ns = monotonic_ns();
             self.lost += self.publishers.tell_clock(self.time_ns);
-            self.lost += send(status, messages::status(&output.tick), output.patient);
+            self.lost += send(status, messages::status(&output.tick, self.health.flags()), output.patient);
         }
         if let (true, Some(estimate)) = (output.publish, &output.tick.estimate) {
             let joints = messages::joint_state(estimate, output.tick.strokes_m);

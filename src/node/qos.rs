@@ -22,6 +22,12 @@ pub fn best_effort() -> QosProfile {
     QosProfile { history: History::KeepLast { depth: 10 }, ..QosProfile::subscription_default() }
 }
 
+/// Reliable, otherwise like [`best_effort`]: inputs that a step waits for are read with it.
+#[must_use]
+pub fn awaited() -> QosProfile {
+    QosProfile { reliability: Reliability::Reliable { when_full: WhenFull::Fail }, ..best_effort() }
+}
+
 /// Best effort like [`best_effort`], but the newest 8192: what is recorded is read with. At 1 kHz they outlast a disk that
 /// keeps the recorder waiting for 8 s. To keep all would keep 64 with RustDDS.
 #[must_use]

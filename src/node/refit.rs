@@ -1,45 +1,16 @@
 //! Another unit for a running twin: built by a thread that may take memory, taken over between two ticks by one that may not.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use govtwin_model::effects;
 use govtwin_model::parameters::Unit;
 use govtwin_model::plant::Plant;
-use govtwin_model::plant::term::{Point, Term, View};
 use govtwin_model::solver::Method;
 use govtwin_model::twin::Twin;
-
-/// A force on the piston that comes from outside, N, + opens.
-#[derive(Debug, Default)]
-pub struct Load {
-    force_bits: AtomicU64,
-}
-
-impl Load {
-    /// The force from the next tick on, N, + opens.
-    pub fn set(&self, force_n: f64) {
-        self.force_bits.store(force_n.to_bits(), Ordering::Relaxed);
-    }
-}
-
-impl Term for Load {
-    fn point(&self) -> Point {
-        Point::ServomotorForce
-    }
-
-    fn apply(&self, signal: f64, _view: &View<'_>, _memory: &mut [f64]) -> f64 {
-        signal + f64::from_bits(self.force_bits.load(Ordering::Relaxed))
-    }
-}
 
 /// A unit's twin with what the node needs to know of it.
 #[derive(Debug)]
 pub struct Refit {
     /// The twin.
     pub twin: Twin,
-    /// The force that acts on its piston from outside.
-    pub load: Arc<Load>,
     /// Spool's reference stroke and servomotor's stroke.
     pub strokes_m: [f64; 2],
     /// The sheet's tank pressure, Pa gauge.
@@ -53,12 +24,10 @@ impl Refit {
         let parameters = &unit.parameters;
         let mut plant = Plant::new(parameters);
         effects::apply(unit, &mut plant);
-        let load = Arc::<Load>::default();
-        plant.terms.push(Arc::<Load>::clone(&load));
         let tank_pressure_pa = parameters.oil.tank_pressure_pa;
         let twin = Twin::of_plant(plant, tank_pressure_pa, Method::default());
         let strokes_m = [parameters.distributing_valve.reference_stroke_m, parameters.servomotor.stroke_m];
-        Self { twin, load, strokes_m, tank_pressure_pa }
+        Self { twin, strokes_m, tank_pressure_pa }
     }
 }
 
@@ -72,27 +41,12 @@ mod tests {
     const MS: i64 = 1_000_000;
 
     fn frame(step: i64, opening_command_pu: f64) -> Frame {
-        let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 };
+        let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6, piston_force_n: 0.0 };
         Frame { time_ns: step * MS, inputs, measured: Signals::NONE }
     }
 
     fn run(twin: &mut Twin, steps: std::ops::Range<i64>, opening_command_pu: f64) -> Estimate {
         steps.map(|step| twin.step(&frame(step, opening_command_pu))).last().unwrap()
-    }
-
-    #[test]
-    fn a_force_of_zero_changes_no_bit_and_an_opening_force_opens_faster() {
-        let unit = govtwin_model::params::reference();
-        let (mut plain, mut refit) = (Twin::new(&unit), Refit::new(&unit));
-        run(&mut plain, 0..10, 0.3);
-        run(&mut refit.twin, 0..10, 0.3);
-        let (bare, with) = (run(&mut plain, 10..500, 0.6), run(&mut refit.twin, 10..500, 0.6));
-        assert_eq!(bare, with);
-        let mut pushed = Refit::new(&unit);
-        run(&mut pushed.twin, 0..10, 0.3);
-        pushed.load.set(1e5);
-        let helped = run(&mut pushed.twin, 10..500, 0.6).signals.servomotor_position_pu;
-        assert!(helped > bare.signals.servomotor_position_pu + 1e-3, "{helped}");
     }
 
     #[test]

@@ -1,10 +1,4 @@
-//! The six parameter services of a ROS 2 node, for callers on Fast DDS and on Cyclone DDS alike.
-//!
-//! The two middlewares lay a service call out differently on DDS, and nothing on the wire says which.
-//! A call read the wrong way decodes into other, valid-looking numbers. So a server answers only callers
-//! whose vendor speaks its own layout; the vendor stands in the first two bytes of the caller's id. Where
-//! `RMW_IMPLEMENTATION` does not decide, both layouts are served side by side and each caller is heard
-//! by exactly one of them.
+//! The six parameter services of a ROS 2 node, for callers on Fast DDS and on Cyclone DDS alike ([`call`] says how).
 
 pub mod call;
 pub mod replies;
@@ -15,15 +9,16 @@ pub mod upkeep;
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use futures::stream::{LocalBoxStream, StreamExt};
+use futures::stream::LocalBoxStream;
 use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces::{
     DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest, GetParameterTypesResponse,
     GetParametersRequest, GetParametersResponse, ListParametersRequest, ListParametersResponse, ListParametersResult,
     SetParametersAtomicallyResponse, SetParametersRequest, SetParametersResponse,
 };
-use ros2_client::{Gid, Message, ParameterValue, Server, ServiceMapping};
+use ros2_client::{ParameterValue, ServiceMapping};
 
+use self::call::Calls;
 use super::bus::{Bus, BusError};
 use super::control::{Order, Ticket};
 use super::parameters::{ParameterStore, words_of};
@@ -38,15 +33,14 @@ const RUST_DDS: [u8; 2] = [0x01, 0x12];
 /// Most names or values that a call may hold; the node has fewer than a hundred.
 const MOST_ITEMS: usize = 1000;
 
-/// One layout of the six services.
+/// The six services.
 pub struct ParameterServices {
-    mapping: ServiceMapping,
-    get: Server<GetParametersRequest, GetParametersResponse>,
-    get_types: Server<GetParameterTypesRequest, GetParameterTypesResponse>,
-    list: Server<ListParametersRequest, ListParametersResponse>,
-    set: Server<SetParametersRequest, SetParametersResponse>,
-    set_atomically: Server<SetParametersRequest, SetParametersAtomicallyResponse>,
-    describe: Server<DescribeParametersRequest, DescribeParametersResponse>,
+    get: Calls,
+    get_types: Calls,
+    list: Calls,
+    set: Calls,
+    set_atomically: Calls,
+    describe: Calls,
 }
 
 /// What answering a call left to do.
@@ -71,21 +65,27 @@ pub struct ServiceContext<'a> {
     /// Whether the loop has room for another twin.
     pub room_for_twins: Cell<bool>,
     least: &'a AtomicU8,
-    mappings: Vec<ServiceMapping>,
-    strangers: RefCell<Vec<[u8; 2]>>,
+    /// The layout of callers whose vendor does not say which it is.
+    layout: ServiceMapping,
+    /// Callers may ask, and change nothing.
+    pub read_only: bool,
 }
 
+/// Why a node refuses what would change it.
+pub(super) const READ_ONLY: &str =
+    "this node is read-only (`--read-only`): it answers questions, and nobody changes it by a call";
+
 impl<'a> ServiceContext<'a> {
-    /// A context for these parameters, serving these layouts; `least` is the level below which nothing is told.
+    /// A context for these parameters; `layout` is that of callers whose vendor does not say which it is, `least` the level below which nothing is told.
     #[must_use]
-    pub fn new(store: ParameterStore, mappings: &[ServiceMapping], least: &'a AtomicU8) -> Self {
+    pub fn new(store: ParameterStore, layout: ServiceMapping, least: &'a AtomicU8) -> Self {
         Self {
             store: RefCell::new(store),
             fixed_unit: None,
             room_for_twins: Cell::new(true),
             least,
-            mappings: mappings.to_vec(),
-            strangers: RefCell::default(),
+            layout,
+            read_only: false,
         }
     }
 
@@ -100,35 +100,13 @@ impl<'a> ServiceContext<'a> {
         self.least.store(level, Ordering::Relaxed);
     }
 
-    /// Whether a server of `mapping` is the one to answer this caller.
-    fn is_for(&self, mapping: ServiceMapping, vendor: [u8; 2]) -> bool {
+    /// How a caller of this vendor lays its calls out.
+    pub(super) fn layout_of(&self, vendor: [u8; 2]) -> ServiceMapping {
         match vendor {
-            CYCLONE => mapping == ServiceMapping::Cyclone,
-            RUST_DDS => self.mappings.first() == Some(&mapping),
-            _ => mapping == ServiceMapping::Enhanced,
+            CYCLONE => ServiceMapping::Cyclone,
+            RUST_DDS => self.layout,
+            _ => ServiceMapping::Enhanced,
         }
-    }
-
-    /// Whether this layout is served, and is the one for this caller.
-    pub(super) fn serves(&self, mapping: ServiceMapping, vendor: [u8; 2]) -> bool {
-        self.mappings.contains(&mapping) && self.is_for(mapping, vendor)
-    }
-
-    /// Words for a caller whom no server answers, the first time.
-    fn turn_away(&self, vendor: [u8; 2]) -> Option<String> {
-        if self.mappings.iter().any(|&mapping| self.serves(mapping, vendor)) {
-            return None;
-        }
-        let mut strangers = self.strangers.borrow_mut();
-        if strangers.contains(&vendor) {
-            return None;
-        }
-        strangers.push(vendor);
-        Some(format!(
-            "a service call from DDS vendor {:02x}.{:02x} is not answered: its layout is not the one that \
-             RMW_IMPLEMENTATION asks for; leave that variable unset to serve Fast DDS and Cyclone DDS both",
-            vendor[0], vendor[1]
-        ))
     }
 }
 
@@ -137,32 +115,27 @@ impl ParameterServices {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus, mapping: ServiceMapping) -> Result<Self, BusError> {
+    pub fn open(bus: &mut Bus) -> Result<Self, BusError> {
+        let mut calls = |name: &str, kind: &str| bus.calls(&format!("~/{name}"), &format!("rcl_interfaces/srv/{kind}"));
         Ok(Self {
-            mapping,
-            get: bus.serve(mapping, "~/get_parameters", "rcl_interfaces/GetParameters")?,
-            get_types: bus.serve(mapping, "~/get_parameter_types", "rcl_interfaces/GetParameterTypes")?,
-            list: bus.serve(mapping, "~/list_parameters", "rcl_interfaces/ListParameters")?,
-            set: bus.serve(mapping, "~/set_parameters", "rcl_interfaces/SetParameters")?,
-            set_atomically: bus.serve(
-                mapping,
-                "~/set_parameters_atomically",
-                "rcl_interfaces/SetParametersAtomically",
-            )?,
-            describe: bus.serve(mapping, "~/describe_parameters", "rcl_interfaces/DescribeParameters")?,
+            get: calls("get_parameters", "GetParameters")?,
+            get_types: calls("get_parameter_types", "GetParameterTypes")?,
+            list: calls("list_parameters", "ListParameters")?,
+            set: calls("set_parameters", "SetParameters")?,
+            set_atomically: calls("set_parameters_atomically", "SetParametersAtomically")?,
+            describe: calls("describe_parameters", "DescribeParameters")?,
         })
     }
 
     /// Answers calls as they come; each item says what an answer left to do.
     pub fn answers<'a>(&'a self, context: &'a ServiceContext<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
-        let mapping = self.mapping;
         vec![
-            answer(mapping, &self.get, context, |request, context, _| {
+            self.get.answer(context, |request: GetParametersRequest, context, _| {
                 let store = context.store.borrow();
                 let values = request.names.iter().take(MOST_ITEMS).map(|name| store.value(name).into());
                 GetParametersResponse { values: values.collect() }
             }),
-            answer(mapping, &self.get_types, context, |request, context, _| {
+            self.get_types.answer(context, |request: GetParameterTypesRequest, context, _| {
                 let store = context.store.borrow();
                 let types = request
                     .names
@@ -171,20 +144,20 @@ impl ParameterServices {
                     .map(|name| ParameterValue::to_parameter_type_raw(&store.value(name)));
                 GetParameterTypesResponse { values: types.collect() }
             }),
-            answer(mapping, &self.list, context, |request, context, _| {
+            self.list.answer(context, |request: ListParametersRequest, context, _| {
                 let (names, prefixes) = context.store.borrow().list(&request.prefixes, request.depth);
                 ListParametersResponse { result: ListParametersResult { names, prefixes } }
             }),
-            answer(mapping, &self.describe, context, |request, context, _| {
+            self.describe.answer(context, |request: DescribeParametersRequest, context, _| {
                 let store = context.store.borrow();
                 let values = request.names.iter().take(MOST_ITEMS).map(|name| store.describe(name));
                 DescribeParametersResponse { values: values.collect() }
             }),
-            answer(mapping, &self.set, context, |request, context, aftermath| {
+            self.set.answer(context, |request: SetParametersRequest, context, aftermath| {
                 let items = request.parameter.into_iter().take(MOST_ITEMS);
                 SetParametersResponse { results: items.map(|item| set(&[item], context, aftermath)).collect() }
             }),
-            answer(mapping, &self.set_atomically, context, |request, context, aftermath| {
+            self.set_atomically.answer(context, |request: SetParametersRequest, context, aftermath| {
                 let few = request.parameter.len() <= MOST_ITEMS;
                 let items = if few { request.parameter.as_slice() } else { &[] };
                 SetParametersAtomicallyResponse { result: set(items, context, aftermath) }
@@ -196,6 +169,9 @@ impl ParameterServices {
 /// Sets all or none.
 fn set(items: &[raw::Parameter], context: &ServiceContext<'_>, aftermath: &mut Aftermath) -> raw::SetParametersResult {
     let refuse = |reason| raw::SetParametersResult { successful: false, reason };
+    if context.read_only {
+        return refuse(READ_ONLY.to_owned());
+    }
     let mut changed = context.store.borrow().clone();
     let mut words = Vec::new();
     for item in items {
@@ -223,64 +199,6 @@ fn set(items: &[raw::Parameter], context: &ServiceContext<'_>, aftermath: &mut A
     raw::SetParametersResult { successful: true, reason: String::new() }
 }
 
-/// Sends the answer to one call; `false` where it is lost.
-type Send<'a, Response> = Box<dyn FnOnce(Response) -> bool + std::marker::Send + 'a>;
-
-/// The stream that answers one service at once.
-fn answer<'a, Request, Response>(
-    mapping: ServiceMapping,
-    server: &'a Server<Request, Response>,
-    context: &'a ServiceContext<'a>,
-    respond: impl Fn(Request, &ServiceContext<'_>, &mut Aftermath) -> Response + 'a,
-) -> LocalBoxStream<'a, Aftermath>
-where
-    Request: Message + Sync + 'static,
-    Response: Message + Sync + 'static,
-{
-    attend(mapping, server, context, move |request, context, aftermath, send| {
-        let response = respond(request, context, aftermath);
-        if !send(response) {
-            aftermath.words.push("an answer to a service call was lost".to_owned());
-        }
-    })
-}
-
-/// The stream of one service, whose calls may be answered later.
-fn attend<'a, 's: 'a, Request, Response>(
-    mapping: ServiceMapping,
-    server: &'s Server<Request, Response>,
-    context: &'a ServiceContext<'a>,
-    take: impl Fn(Request, &ServiceContext<'_>, &mut Aftermath, Send<'s, Response>) + 'a,
-) -> LocalBoxStream<'a, Aftermath>
-where
-    Request: Message + Sync + 'static,
-    Response: Message + Sync + 'static,
-{
-    let answered = server.receive_request_stream().map(move |call| {
-        let mut aftermath = Aftermath::default();
-        // A call in the other layout often does not decode; the other server has it.
-        let Ok((id, request)) = call else { return aftermath };
-        let vendor = vendor_of(id.writer_gid);
-        if context.is_for(mapping, vendor) {
-            take(
-                request,
-                context,
-                &mut aftermath,
-                Box::new(move |response| server.send_response(id, response).is_ok()),
-            );
-        } else {
-            aftermath.words.extend(context.turn_away(vendor));
-        }
-        aftermath
-    });
-    answered.boxed_local()
-}
-
-fn vendor_of(id: Gid) -> [u8; 2] {
-    let bytes = id.to_bytes16();
-    [bytes[0], bytes[1]]
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::atomic::AtomicU8;
@@ -294,36 +212,34 @@ mod tests {
 
     static LEAST: AtomicU8 = AtomicU8::new(20);
 
-    fn context(mappings: &[ros2_client::ServiceMapping]) -> ServiceContext<'static> {
-        ServiceContext::new(
-            ParameterStore::new(&NodeSettings::default(), &govtwin_model::params::reference()),
-            mappings,
-            &LEAST,
-        )
+    fn context() -> ServiceContext<'static> {
+        let store = ParameterStore::new(&NodeSettings::default(), &govtwin_model::params::reference());
+        ServiceContext::new(store, Enhanced, &LEAST)
     }
 
     #[test]
-    fn each_caller_is_answered_by_exactly_one_layout() {
-        let both = context(&[Enhanced, Cyclone]);
-        for vendor in [[1, 0x0f], [1, 0x10], [1, 0x12], [1, 1], [9, 9]] {
-            let answering = [Enhanced, Cyclone].into_iter().filter(|&mapping| both.is_for(mapping, vendor)).count();
-            assert_eq!(answering, 1, "{vendor:?}");
-            assert_eq!(both.turn_away(vendor), None);
-        }
+    fn each_caller_is_read_in_the_layout_of_its_vendor() {
+        let mut context = context();
+        assert_eq!(context.layout_of([1, 0x10]), Cyclone);
+        assert!([[1, 0x0f], [1, 1], [9, 9], [1, 0x12]].into_iter().all(|vendor| context.layout_of(vendor) == Enhanced));
+        context.layout = Cyclone;
+        assert_eq!((context.layout_of([1, 0x12]), context.layout_of([1, 0x0f])), (Cyclone, Enhanced));
     }
 
     #[test]
-    fn a_caller_of_the_other_layout_is_turned_away_once_in_words() {
-        let cyclone_only = context(&[Cyclone]);
-        assert!(!cyclone_only.is_for(Cyclone, [1, 0x0f]));
-        assert!(cyclone_only.turn_away([1, 0x0f]).unwrap().contains("RMW_IMPLEMENTATION"));
-        assert_eq!(cyclone_only.turn_away([1, 0x0f]), None);
-        assert!(cyclone_only.is_for(Cyclone, [1, 0x12]));
+    fn a_node_that_is_read_only_takes_no_parameter() {
+        let mut context = context();
+        context.read_only = true;
+        let item = raw::Parameter { name: "hold".to_owned(), value: ParameterValue::Double(4.0).into() };
+        let mut aftermath = Aftermath::default();
+        let outcome = set(&[item], &context, &mut aftermath);
+        assert!(!outcome.successful && outcome.reason.contains("--read-only") && aftermath.changed.is_empty());
+        assert_eq!(context.store.borrow().value("hold"), ParameterValue::Double(1.0));
     }
 
     #[test]
     fn an_atomic_set_changes_all_or_nothing() {
-        let context = context(&[Enhanced]);
+        let context = context();
         let item =
             |name: &str, value| raw::Parameter { name: name.to_owned(), value: ParameterValue::Double(value).into() };
         let mut aftermath = Aftermath::default();
@@ -337,7 +253,7 @@ mod tests {
 
     #[test]
     fn the_unit_and_its_effects_change_together_or_not_at_all() {
-        let mut context = context(&[Enhanced]);
+        let mut context = context();
         let item =
             |name: &str, value| raw::Parameter { name: name.to_owned(), value: ParameterValue::Double(value).into() };
         let mut aftermath = Aftermath::default();

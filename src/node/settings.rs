@@ -1,6 +1,6 @@
 //! What can be set on the node, from the command line, by `--ros-args` or by parameter services.
 
-use super::integration::{LoopPace, TimeSource};
+use super::integration::{AwaitedInputs, LoopPace, TimeSource};
 use super::policy::{NodeInput, OnStale, Policies, Policy, Rule};
 use super::realtime::Wishes;
 use govtwin_model::frame::EsvState;
@@ -27,6 +27,7 @@ impl Default for InputSettings {
 
 /// The node's settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent settings")]
 pub struct NodeSettings {
     /// Ticks per second.
     pub rate_hz: f64,
@@ -52,6 +53,14 @@ pub struct NodeSettings {
     pub publish_clock: bool,
     /// Whether the simulation stands at first.
     pub paused: bool,
+    /// A sample whose stamp is older, or as far ahead, is refused, s; `None` for no limit.
+    pub max_stamp_age_s: Option<f64>,
+    /// Whether the trip of a fail-safe stays until it is reset.
+    pub latch_trip: bool,
+    /// Inputs of which each order to step waits for a new sample.
+    pub step_inputs: [bool; NodeInput::COUNT],
+    /// How long it waits, s.
+    pub step_timeout_s: f64,
     /// What the integration thread asks of the system.
     pub wishes: Wishes,
 }
@@ -73,6 +82,10 @@ impl Default for NodeSettings {
             use_sim_time: false,
             publish_clock: false,
             paused: false,
+            max_stamp_age_s: None,
+            latch_trip: true,
+            step_inputs: [false; NodeInput::COUNT],
+            step_timeout_s: 1.0,
             wishes: Wishes { cpu: None, priority: 80 },
         }
     }
@@ -111,6 +124,18 @@ impl NodeSettings {
             },
             paused: self.paused && !self.use_sim_time,
         }
+    }
+
+    /// A sample whose stamp is older, or as far ahead, is refused, ns; `None` for no limit.
+    #[must_use]
+    pub fn max_stamp_age_ns(&self) -> Option<i64> {
+        self.max_stamp_age_s.map(nanos_from_seconds)
+    }
+
+    /// What a step waits for.
+    #[must_use]
+    pub fn awaited(&self) -> AwaitedInputs {
+        AwaitedInputs { of: self.step_inputs, timeout_ns: nanos_from_seconds(self.step_timeout_s) }
     }
 
     /// Time between two published results, ns.

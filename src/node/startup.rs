@@ -4,7 +4,7 @@ use ros2_client::log::LogLevel;
 
 use super::bus::Bus;
 use super::bus_map::BusMap;
-use super::environment::Environment;
+use super::environment::{Distribution, Environment};
 use super::integration::TimeSource;
 use super::policy::{NodeInput, OnStale};
 use super::realtime::{carrier, claim_transport, lock_memory};
@@ -36,11 +36,19 @@ pub fn words(
     map: Option<&BusMap>,
 ) -> Vec<(LogLevel, String)> {
     let name = bus.arguments().full_name();
-    let networks = if environment.only_networks.is_some() { "this machine only" } else { "all networks" };
+    let networks = match environment.only_networks.as_deref() {
+        None => "all networks".to_owned(),
+        Some(addresses) if addresses.iter().all(std::net::IpAddr::is_loopback) => "this machine only".to_owned(),
+        Some(addresses) => {
+            let addresses: Vec<String> = addresses.iter().map(ToString::to_string).collect();
+            format!("networks of {}", addresses.join(", "))
+        }
+    };
+    let built_for = Distribution::of_build().words();
     let (domain, lease_s) = (environment.domain, environment.lease.as_secs_f64());
     let level = if transport::is_repaired() { LogLevel::Info } else { LogLevel::Warn };
     let mut lines = vec![
-        (LogLevel::Info, format!("node {name}, DDS domain {domain}, {networks}, lease {lease_s} s")),
+        (LogLevel::Info, format!("node {name} for {built_for}, DDS domain {domain}, {networks}, lease {lease_s} s")),
         (level, transport::DESCRIPTION.to_owned()),
     ];
     let full = |topic: &str| bus.arguments().resolve(topic).unwrap_or_else(|_| topic.to_owned());

@@ -5,6 +5,7 @@
 //! `docs/upstream`. Both must compile, so what only the copy has stands here once more as a trait: where a
 //! type has an item of that name itself, Rust takes that one.
 
+use std::net::IpAddr;
 use std::time::Duration;
 
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
@@ -15,6 +16,10 @@ trait Published: Sized {
                                    longer than their lease are lost, a hostile packet can exhaust memory";
 
     fn lease_duration(self, _lease: Duration) -> Self {
+        self
+    }
+
+    fn initial_peers(self, _hosts: Vec<IpAddr>) -> Self {
         self
     }
 }
@@ -51,6 +56,11 @@ pub fn is_repaired() -> bool {
 /// The builder with this lease: how long peers believe in the node without a sign of life. The release's 50 s are fixed.
 pub(super) fn with_lease(builder: DomainParticipantBuilder, lease: Duration) -> DomainParticipantBuilder {
     if is_repaired() { builder.lease_duration(lease) } else { Published::lease_duration(builder, lease) }
+}
+
+/// The builder with hosts to which the node is announced where multicast does not reach; the release has no such list.
+pub(super) fn with_peers(builder: DomainParticipantBuilder, hosts: Vec<IpAddr>) -> DomainParticipantBuilder {
+    if is_repaired() { builder.initial_peers(hosts) } else { Published::initial_peers(builder, hosts) }
 }
 
 #[cfg(test)]

@@ -65,7 +65,9 @@ fn of_tick(notices: Notices, settings: &NodeSettings, labels: &[String; NodeInpu
     }
     if notices.has(Notices::FAIL_SAFE) {
         let has = |choice| settings.policies().rules.iter().any(|rule| rule.policy.on_stale == choice);
-        let what = if has(OnStale::Trip) {
+        let what = if has(OnStale::Trip) && settings.latch_trip {
+            "taken as an ESV trip, which stays until `~/reset_trip` is called (`latch_trip`)"
+        } else if has(OnStale::Trip) {
             "taken as an ESV trip until all inputs are back"
         } else if has(OnStale::Stop) {
             "the node stops"

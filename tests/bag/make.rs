@@ -129,7 +129,8 @@ impl Rows for All {
 fn bits(frame: &Frame) -> impl PartialEq {
     let measured = Signal::ALL.map(|signal| signal.of(&frame.measured).to_bits());
     let inputs = &frame.inputs;
-    (frame.time_ns, inputs.opening_command_pu.to_bits(), inputs.esv, inputs.tank_pressure_pa.to_bits(), measured)
+    let numbers = [inputs.opening_command_pu, inputs.tank_pressure_pa, inputs.piston_force_n].map(f64::to_bits);
+    (frame.time_ns, inputs.esv, numbers, measured)
 }
 
 /// Reads a bag as a whole and row by row, on a grid of a millisecond as well, and fails where the two differ in a row, a warning or a refusal.

@@ -147,7 +147,7 @@ def main():
     binary = sys.argv[1]
     bench = Bench()
     log = open(sys.argv[2], "w+") if len(sys.argv) > 2 else tempfile.TemporaryFile("w+")
-    node = subprocess.Popen([binary, "run", "--stale-after", "1.5", "--hold", "0.5"], stderr=log, stdout=log)
+    node = subprocess.Popen([binary, "run", "--stale-after", "1.5", "--hold", "0.5", "--auto-reset"], stderr=log, stdout=log)
     try:
         announced = wait_for(lambda: bench.endpoints_of("rt/sim/servo_state"), 15)
         check("the node is announced under ROS 2 names", announced

@@ -33,7 +33,7 @@ class Node:
         self.log_path = log
         self.log = open(log, "w")
         hold = () if "--hold" in more else ("--hold", "0.5")
-        arguments = [binary, "run", "--stale-after", "1.5", *hold, *more]
+        arguments = [binary, "run", "--stale-after", "1.5", *hold, *([] if "--latch" in more else ["--auto-reset"]), *(one for one in more if one != "--latch")]
         self.process = subprocess.Popen(arguments, stderr=self.log, stdout=self.log)
 
     def megabytes(self):
@@ -178,7 +178,7 @@ def optional_inputs(binary, folder):
         node.end()
     said = open(node.log_path).read()
     check("an incompatible QoS is reported by name", "/sim/servo_state: a subscription asks for more Durability" in said)
-    for words in ("node /govtwin, DDS domain", "hears /governor/esv: governor_msgs/msg/EsvState [0 shutdown, 1 normal], optional",
+    for words in ("DDS domain", "hears /governor/esv: governor_msgs/msg/EsvState [0 shutdown, 1 normal], optional",
                   "publishes at 100 Hz /sim/servo_state: governor_msgs/msg/ServoState [pu, Pa]", "integrates at 1000 Hz"):
         check(f"it said at start: {words}", words in said)
 

@@ -2,7 +2,7 @@
 """A running `govtwin run` on a bad network, with peers that come and go, and over some minutes.
 
 Usage: network.py GOVTWIN FOLDER   (needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain; logs go to FOLDER)
-CASES picks among: link churn soak units together; `link` needs root. SOAK_S, CHURN_S and UNITS_S are lengths, UNITS how many, OUTAGES those of the link, s. Exits 0 when everything was as it
+CASES picks among: link unicast churn soak units together; `link` and `unicast` need root. SOAK_S, CHURN_S and UNITS_S are lengths, UNITS how many, OUTAGES those of the link, s. Exits 0 when everything was as it
 should be, 1 otherwise, 77 where nothing could be tried.
 """
 
@@ -40,7 +40,7 @@ class Remote(Node):
     def __init__(self, side, binary, log, *more):
         self.side = side
         self.log = open(log, "w")
-        arguments = [binary, "run", "--stale-after", "1.5", "--hold", "0.5", *more]
+        arguments = [binary, "run", "--stale-after", "1.5", "--hold", "0.5", "--auto-reset", *more]
         self.process = subprocess.Popen(side.command(*arguments), stderr=self.log, stdout=self.log)
         self.log_path = log
 
@@ -105,6 +105,30 @@ def link(binary, folder):
     with open(figures) as text:
         lost = json.load(text)["inputs"]["governor/command"]["lost"]
     check("what was lost is counted", lost > 100, f"({lost} commands; the relay lost {network.lost} of {network.lost + network.passed} packets)")
+
+
+def unicast(binary, folder):
+    """Where no multicast passes: a node that names its peer by ROS_STATIC_PEERS is found, and one that names nobody is not."""
+    if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
+        print("skipped: needs root and /dev/net/tun")
+        return
+    for peers in ("", "10.99.7.2"):
+        network = Network("gtu")
+        network.unicast_only = True
+        os.environ["ROS_STATIC_PEERS"] = peers
+        node = Remote(network.sides[0], binary, os.path.join(folder, f"unicast_{len(peers)}.txt"), "--lease", "3")
+        watch = Watch(network.sides[1].command(sys.executable, os.path.join(HERE, "watch.py")))
+        try:
+            met = watch.until(lambda n, x: n > 0 and abs(x - 0.3) < 2e-3, 15 if peers else 8)
+            if peers:
+                check("a node that names its peer is found without multicast", met is not None, f"({met or 0:.1f} s)")
+            else:
+                check("without multicast and names nobody is found", met is None)
+        finally:
+            watch.end()
+            check("the node ends in order", node.end())
+            network.close()
+            del os.environ["ROS_STATIC_PEERS"]
 
 
 def resources(node):
@@ -247,7 +271,7 @@ def drive_units(nodes, count, loops_of):
 
 def main():
     binary, folder = sys.argv[1], sys.argv[2]
-    cases = {"link": link, "churn": churn, "soak": soak, "units": units, "together": together}
+    cases = {"link": link, "unicast": unicast, "churn": churn, "soak": soak, "units": units, "together": together}
     for name in os.environ.get("CASES", " ".join(cases)).split():
         print(f"-- {name}: {cases[name].__doc__}")
         cases[name](binary, folder)

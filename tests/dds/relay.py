@@ -52,13 +52,18 @@ def is_tcp(packet):
     return packet[0] >> 4 == 4 and packet[9] == 6
 
 
+def is_multicast(packet):
+    """Whether this is IP version 4 to a group."""
+    return packet[0] >> 4 == 4 and packet[16] >> 4 == 14
+
+
 class Network:
-    """Two sides and what lies between them; conditions may change at any time. With `tcp_only` DDS does not get across."""
+    """Two sides and what lies between them; conditions may change at any time. With `tcp_only` DDS does not get across, with `unicast_only` no group does."""
 
     def __init__(self, prefix, seed=1):
         self.loss, self.delay_s, self.jitter_s, self.is_up = 0.0, 0.0, 0.0, True
         self.passed = self.lost = 0
-        self.tcp_only = False
+        self.tcp_only = self.unicast_only = False
         self.sides = [Side(f"{prefix}{index}", f"10.99.7.{index + 1}") for index in range(2)]
         self.random = random.Random(seed)
         self.ended = threading.Event()
@@ -76,7 +81,7 @@ class Network:
             patience = min(max(waiting[0][0] - time.monotonic(), 0.0), 0.05) if waiting else 0.05
             for tun in select.select(list(ends), [], [], patience)[0]:
                 packet = os.read(tun, 65536)
-                is_stopped = self.tcp_only and not is_tcp(packet)
+                is_stopped = self.tcp_only and not is_tcp(packet) or self.unicast_only and is_multicast(packet)
                 if is_stopped or not self.is_up or self.random.random() < self.loss:
                     self.lost += 1
                     continue

@@ -49,6 +49,32 @@ class TwinStatus(IdlStruct, typename="governor_msgs::msg::dds_::TwinStatus_"):
     load: uint8
     command_clamped: bool
     residual_off: bool
+    command_stamp: Time
+    esv_stamp: Time
+    tank_pressure_stamp: Time
+    load_stamp: Time
+    health: uint8
+
+
+@dataclass
+class KeyValue(IdlStruct, typename="diagnostic_msgs::msg::dds_::KeyValue_"):
+    key: str
+    value: str
+
+
+@dataclass
+class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticStatus_"):
+    level: uint8
+    name: str
+    message: str
+    hardware_id: str
+    values: sequence[KeyValue]
+
+
+@dataclass
+class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticArray_"):
+    header: Header
+    status: sequence[DiagnosticStatus]
 
 
 @dataclass

@@ -44,6 +44,7 @@ fn rows(corners: &[(f64, f64, EsvState)]) -> Vec<Frame> {
                 opening_command_pu: from.1 + share * (to.1 - from.1),
                 esv: from.2,
                 tank_pressure_pa: 6.3e6 - 1e5 * (0.7 * at_s).sin(),
+                piston_force_n: 0.0,
             };
             Frame { time_ns: (at_s * 1e9).round() as i64, inputs, measured: Signals::NONE }
         })

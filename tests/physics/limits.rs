@@ -34,7 +34,14 @@ fn frame() -> impl Strategy<Value = (i64, Frame)> {
         |(step_ns, opening_command_pu, normal, tank_pressure_pa, spool_position_pu, servomotor_position_pu)| {
             let esv = if normal { EsvState::Normal } else { EsvState::Shutdown };
             let measured = Signals { spool_position_pu, servomotor_position_pu, ..Signals::NONE };
-            (step_ns, Frame { time_ns: 0, inputs: Inputs { opening_command_pu, esv, tank_pressure_pa }, measured })
+            (
+                step_ns,
+                Frame {
+                    time_ns: 0,
+                    inputs: Inputs { opening_command_pu, esv, tank_pressure_pa, piston_force_n: 0.0 },
+                    measured,
+                },
+            )
         },
     )
 }

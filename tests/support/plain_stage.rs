@@ -42,7 +42,12 @@ impl PlainStage {
             if (opening > 0.9 && target > 0.0) || (opening < 0.1 && target < 0.0) {
                 target *= -0.5;
             }
-            let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN };
+            let inputs = Inputs {
+                opening_command_pu: f64::NAN,
+                esv: EsvState::Normal,
+                tank_pressure_pa: f64::NAN,
+                piston_force_n: 0.0,
+            };
             let measured = Signals {
                 spool_position_pu: position,
                 servomotor_position_pu: opening + 2.0e-4 * normal(),

@@ -15,7 +15,7 @@ pub fn rows(duration_s: f64, period_ns: i64, inputs: impl Fn(f64) -> Inputs) -> 
 
 /// Inputs with the ESV at rest and the sheet's tank pressure.
 pub fn command(opening_command_pu: f64) -> Inputs {
-    Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 }
+    Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6, piston_force_n: 0.0 }
 }
 
 /// A process as a command, an ESV and a tank that sags while oil is drawn; it starts at rest.
@@ -30,7 +30,12 @@ pub fn process(process: Process, time_s: f64) -> Inputs {
         Process::LoadRejection => (0.85 - 0.7 * ramp(0.8, 1.0) + 0.05 * ramp(5.0, 7.0), false),
     };
     let esv = if tripped { EsvState::Shutdown } else { EsvState::Normal };
-    Inputs { opening_command_pu, esv, tank_pressure_pa: 6.3e6 - 1.5e5 * ramp(0.5, 4.0) + 0.8e5 * ramp(5.0, 9.0) }
+    Inputs {
+        opening_command_pu,
+        esv,
+        tank_pressure_pa: 6.3e6 - 1.5e5 * ramp(0.5, 4.0) + 0.8e5 * ramp(5.0, 9.0),
+        piston_force_n: 0.0,
+    }
 }
 
 /// Runs rows through a twin from its start.

@@ -80,7 +80,12 @@ pub fn record(unit: &Unit, spool: &Spool, rate_hz: f64, samples: i64) -> Recordi
             target *= -0.5;
         }
         position += (target - position) * (1.0 - (-1.0 / (0.3 * rate_hz)).exp());
-        let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN };
+        let inputs = Inputs {
+            opening_command_pu: f64::NAN,
+            esv: EsvState::Normal,
+            tank_pressure_pa: f64::NAN,
+            piston_force_n: 0.0,
+        };
         let mut measured = Signals { spool_position_pu: position, ..Signals::NONE };
         if k == 0 {
             measured.servomotor_position_pu = opening;

@@ -205,7 +205,12 @@ impl Findings {
             watched: from_files.map(watch).collect(),
             meant: meant::Meant::default(),
             chain: ChainEvidence::default(),
-            inputs: Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN },
+            inputs: Inputs {
+                opening_command_pu: f64::NAN,
+                esv: EsvState::Normal,
+                tank_pressure_pa: f64::NAN,
+                piston_force_n: 0.0,
+            },
         }
     }
 
@@ -222,6 +227,7 @@ impl Findings {
             opening_command_pu: newest(Target::OpeningCommand, self.inputs.opening_command_pu),
             esv: row.esv().unwrap_or(self.inputs.esv),
             tank_pressure_pa: newest(Target::TankPressure, self.inputs.tank_pressure_pa),
+            piston_force_n: 0.0,
         };
         let measured = |target: Target| row.value(target).unwrap_or(f64::NAN);
         let measured = Signals {

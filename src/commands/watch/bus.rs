@@ -22,8 +22,9 @@ use super::chronicle::Chronicle;
 use super::follow::{self, Follower};
 use super::{Args, look, wait};
 use crate::commands::bus_map::load;
+use crate::commands::network::environment;
 use crate::commands::output::{say, warn};
-use crate::commands::run::{environment, stop_on_signals};
+use crate::commands::run::stop_on_signals;
 use crate::commands::{Outcome, expect};
 
 /// Recordings of processes that wait to be diagnosed, and those that were.
@@ -82,7 +83,7 @@ impl BusArgs {
     }
 
     fn environment(&self) -> anyhow::Result<Environment> {
-        environment(self.lease_s.unwrap_or(LEASE_S))
+        environment(self.lease_s.unwrap_or(LEASE_S), &[])
     }
 }
 

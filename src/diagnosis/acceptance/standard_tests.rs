@@ -87,7 +87,7 @@ fn series(unit: &Unit, name: &str, (start_pu, length_s): (f64, f64), test: &Inpu
         let (opening_command_pu, esv) = test((time + lookahead_s).max(0.0));
         let tank_pressure_pa = unit.parameters.oil.tank_pressure_pa;
         let measured = Signals { servomotor_position_pu: start_pu, ..Signals::NONE };
-        let inputs = Inputs { opening_command_pu, esv, tank_pressure_pa };
+        let inputs = Inputs { opening_command_pu, esv, tank_pressure_pa, piston_force_n: 0.0 };
         let frame = Frame { time_ns: nanos_from_seconds(*time), inputs, measured };
         positions_pu.push(twin.step(&frame).signals.servomotor_position_pu);
     }

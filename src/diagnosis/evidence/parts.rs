@@ -271,7 +271,12 @@ mod tests {
         let position_pu = |k: i64| 0.2 + 0.01 * k as f64 + 1e-4 * (k * k) as f64;
         let frame = |k: i64| Frame {
             time_ns: k * 10_000_000,
-            inputs: Inputs { opening_command_pu: 0.5, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 },
+            inputs: Inputs {
+                opening_command_pu: 0.5,
+                esv: EsvState::Normal,
+                tank_pressure_pa: 6.3e6,
+                piston_force_n: 0.0,
+            },
             measured: Signals {
                 servomotor_position_pu: position_pu(k) + if k == 20 { 1e-3 } else { 0.0 },
                 ..Signals::NONE

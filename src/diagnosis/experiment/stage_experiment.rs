@@ -75,6 +75,7 @@ fn frame(unit: &Unit, time_s: f64, spool_position_pu: f64, start_pu: f64) -> Fra
             opening_command_pu: f64::NAN,
             esv: EsvState::Normal,
             tank_pressure_pa: unit.parameters.oil.tank_pressure_pa,
+            piston_force_n: 0.0,
         },
         measured: Signals { spool_position_pu, servomotor_position_pu: start_pu, ..Signals::NONE },
     }

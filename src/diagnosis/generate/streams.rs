@@ -62,7 +62,7 @@ impl GeneratedStreams {
             {
                 rows.push(Frame {
                     time_ns,
-                    inputs: Inputs { opening_command_pu, esv, tank_pressure_pa },
+                    inputs: Inputs { opening_command_pu, esv, tank_pressure_pa, piston_force_n: 0.0 },
                     measured: measured.unwrap_or(Signals::NONE),
                 });
             }

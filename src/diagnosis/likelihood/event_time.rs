@@ -123,6 +123,7 @@ mod tests {
                 opening_command_pu: if k <= 16 { 0.4 } else { (0.4 - 0.1 * (k - 16) as f64).max(0.0) },
                 esv: if k >= 20 { EsvState::Shutdown } else { EsvState::Normal },
                 tank_pressure_pa: 4e6,
+                piston_force_n: 0.0,
             },
             measured: if k % 4 == 0 { Signals { spool_position_pu: 0.0, ..Signals::NONE } } else { Signals::NONE },
         };
@@ -158,6 +159,7 @@ mod tests {
                 opening_command_pu,
                 esv: if k >= trip_ms { EsvState::Shutdown } else { EsvState::Normal },
                 tank_pressure_pa: unit.parameters.oil.tank_pressure_pa,
+                piston_force_n: 0.0,
             },
             measured: Signals::NONE,
         };

@@ -83,7 +83,12 @@ mod tests {
                 if k % 2 == 0 { 0.5 + 0.1 * ((time_s - 50.0) / 10.0).clamp(0.0, 1.0) } else { f64::NAN };
             Frame {
                 time_ns: k * 100_000_000,
-                inputs: Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6e6 },
+                inputs: Inputs {
+                    opening_command_pu,
+                    esv: EsvState::Normal,
+                    tank_pressure_pa: 6e6,
+                    piston_force_n: 0.0,
+                },
                 measured: Signals { servomotor_position_pu, ..Signals::NONE },
             }
         };

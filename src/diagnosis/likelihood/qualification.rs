@@ -213,7 +213,12 @@ mod tests {
     fn recording(rows: i64, command_pu: impl Fn(i64) -> f64, servomotor_pu: impl Fn(i64) -> f64) -> Recording {
         let row = |k: i64| Frame {
             time_ns: k * 20_000_000,
-            inputs: Inputs { opening_command_pu: command_pu(k), esv: EsvState::Normal, tank_pressure_pa: 6.3e6 },
+            inputs: Inputs {
+                opening_command_pu: command_pu(k),
+                esv: EsvState::Normal,
+                tank_pressure_pa: 6.3e6,
+                piston_force_n: 0.0,
+            },
             measured: Signals { servomotor_position_pu: servomotor_pu(k), ..Signals::NONE },
         };
         Recording::new("r", (0..rows).map(row).collect())

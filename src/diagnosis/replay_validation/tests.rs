@@ -14,7 +14,8 @@ use crate::replay_summary::{ParameterDifferences, RecordingSource, ReplaySummary
 fn replayed(name: &str, offset_pu: f64) -> ReplaySummary {
     let mut twin = Twin::new(&reference());
     let frame = |row: i64| {
-        let inputs = Inputs { opening_command_pu: 0.4, esv: EsvState::Normal, tank_pressure_pa: 6.0e6 };
+        let inputs =
+            Inputs { opening_command_pu: 0.4, esv: EsvState::Normal, tank_pressure_pa: 6.0e6, piston_force_n: 0.0 };
         Frame { time_ns: row * 10_000_000, inputs, measured: Signals::NONE }
     };
     let mut frames: Vec<Frame> = (0..50).map(frame).collect();

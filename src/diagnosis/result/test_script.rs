@@ -159,8 +159,12 @@ impl TestScript {
             .map(|row| row * period_ns)
             .map(|time_ns| {
                 let time_s = seconds_from_nanos(time_ns);
-                let inputs =
-                    Inputs { opening_command_pu: self.command_pu(time_s), esv: self.esv(time_s), tank_pressure_pa };
+                let inputs = Inputs {
+                    opening_command_pu: self.command_pu(time_s),
+                    esv: self.esv(time_s),
+                    tank_pressure_pa,
+                    piston_force_n: 0.0,
+                };
                 let at_start =
                     Signals { spool_position_pu: 0.0, servomotor_position_pu: self.start_pu, ..Signals::NONE };
                 Frame { time_ns, inputs, measured: if time_ns == 0 { at_start } else { Signals::NONE } }

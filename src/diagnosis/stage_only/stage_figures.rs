@@ -111,7 +111,12 @@ fn step(unit: &Unit, law: &Plain, spool_pu: f64) -> Option<[f64; 2]> {
             servomotor_position_pu: 0.5,
             ..Signals::NONE
         };
-        let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN };
+        let inputs = Inputs {
+            opening_command_pu: f64::NAN,
+            esv: EsvState::Normal,
+            tank_pressure_pa: f64::NAN,
+            piston_force_n: 0.0,
+        };
         let estimate = twin.step(&Frame { time_ns: nanos_from_seconds(time_s), inputs, measured });
         // The spool runs straight from the first row to the second.
         moved.push((time_s - 0.5 * period_s, estimate.signals.servomotor_position_pu - 0.5));

@@ -317,7 +317,12 @@ mod tests {
     fn row(k: i64, opening: f64, scale: f64) -> Frame {
         Frame {
             time_ns: k * 100_000_000,
-            inputs: Inputs { opening_command_pu: opening, esv: EsvState::Normal, tank_pressure_pa: 6e6 },
+            inputs: Inputs {
+                opening_command_pu: opening,
+                esv: EsvState::Normal,
+                tank_pressure_pa: 6e6,
+                piston_force_n: 0.0,
+            },
             measured: Signals { servomotor_position_pu: opening * scale, ..Signals::NONE },
         }
     }

@@ -228,7 +228,12 @@ impl StageRig {
                 if step == 0 {
                     (measured.servomotor_position_pu, before) = (opening, opening);
                 }
-                let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN };
+                let inputs = Inputs {
+                    opening_command_pu: f64::NAN,
+                    esv: EsvState::Normal,
+                    tank_pressure_pa: f64::NAN,
+                    piston_force_n: 0.0,
+                };
                 let said = twin.step(&Frame { time_ns: step * step_ns, inputs, measured });
                 let now = said.signals.servomotor_position_pu;
                 let speed = (now - before) / step_s;

@@ -119,6 +119,7 @@ impl TestRig {
             opening_command_pu: start_pu,
             esv: EsvState::Normal,
             tank_pressure_pa: self.parameters.oil.tank_pressure_pa,
+            piston_force_n: 0.0,
         };
         let begin_ns = EPOCH_NS + 3_600_000_000_000 * (1 + process as i64);
         let offset_s = self.faults.clock_offset_s;
@@ -141,6 +142,7 @@ impl TestRig {
                                 opening_command_pu: command.opening_pu,
                                 esv: command.esv,
                                 tank_pressure_pa: machine.tank_pressure_pa,
+                                piston_force_n: 0.0,
                             };
                         }
                         RigInputs::Given(given) => {

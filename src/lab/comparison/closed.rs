@@ -179,7 +179,8 @@ mod tests {
         let mut twin = Twin::new(&govtwin_model::params::reference());
         let frame = |k: i64| {
             let opening_command_pu = 0.4 + 0.1 * (0.14 * k as f64).sin();
-            let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 };
+            let inputs =
+                Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6, piston_force_n: 0.0 };
             let mut frame = Frame { time_ns: k * 200_000_000, inputs, measured: Signals::NONE };
             let signals = twin.step(&frame).signals;
             let spool_position_pu = signals.spool_position_pu + gap_pu;

@@ -37,7 +37,7 @@ pub fn steady(plant: &Plant, servomotor_position_m: f64, spool_position_m: Optio
     }
 
     let travel_m = plant.main_ports.travel_m(x);
-    let load_n = servo.load_n(z);
+    let load_n = servo.load_n(z) - drive.servomotor_force_n;
     if travel_m == 0.0 {
         state.closing_pressure_pa = 0.5 * supply_pa;
         state.opening_pressure_pa =
@@ -82,10 +82,11 @@ fn moving_speed_m_s(plant: &Plant, travel_m: f64, z: f64, drive: &Drive) -> f64 
     let servo = &plant.servomotor;
     let (supply_pa, return_pa) = (drive.tank_pressure_pa, plant.supply.return_pressure_pa);
     let direction = travel_m.signum();
+    let load_n = servo.load_n(z) - drive.servomotor_force_n;
     let stalled_n = if direction > 0.0 {
-        supply_pa * servo.opening_area_m2 - return_pa * servo.closing_area_m2 - servo.load_n(z)
+        supply_pa * servo.opening_area_m2 - return_pa * servo.closing_area_m2 - load_n
     } else {
-        supply_pa * servo.closing_area_m2 - return_pa * servo.opening_area_m2 + servo.load_n(z)
+        supply_pa * servo.closing_area_m2 - return_pa * servo.opening_area_m2 + load_n
     };
     let drive_n = stalled_n - servo.friction.coulomb_n;
     let at_end = if direction > 0.0 { z >= servo.stroke_m } else { z <= 0.0 };

@@ -107,7 +107,7 @@ mod tests {
             let shut = time_ms >= 1070;
             let opening_command_pu = if shut { 0.0 } else { 0.4 + 0.05e-3 * time_ms as f64 };
             let esv = if shut { EsvState::Shutdown } else { EsvState::Normal };
-            let inputs = Inputs { opening_command_pu, esv, tank_pressure_pa: 6.3e6 };
+            let inputs = Inputs { opening_command_pu, esv, tank_pressure_pa: 6.3e6, piston_force_n: 0.0 };
             let measured = Signals { spool_position_pu: 0.0, servomotor_position_pu: 0.4, ..Signals::NONE };
             Frame { time_ns: time_ms * MS, inputs, measured }
         });

@@ -79,11 +79,12 @@ impl<'a> Simulator<'a> {
             self.ahead.pop_front();
             self.inputs = Some(inputs);
             if time_ns < frame.time_ns && self.started {
-                let inputs = Inputs { tank_pressure_pa: f64::NAN, ..inputs };
+                let inputs = Inputs { tank_pressure_pa: f64::NAN, piston_force_n: f64::NAN, ..inputs };
                 self.twin.advance(&Frame { time_ns, inputs, measured: Signals::NONE });
             }
         }
-        let inputs = Inputs { tank_pressure_pa: frame.inputs.tank_pressure_pa, ..self.inputs.unwrap_or(frame.inputs) };
+        let Inputs { tank_pressure_pa, piston_force_n, .. } = frame.inputs;
+        let inputs = Inputs { tank_pressure_pa, piston_force_n, ..self.inputs.unwrap_or(frame.inputs) };
         self.started = true;
         on_estimate(frame, self.twin.step(&Frame { inputs, ..*frame }));
     }

@@ -177,13 +177,14 @@ impl TwinRows {
     #[inline(always)]
     fn renewed<T: Wide>(&self, old: &Acting<T>) -> Acting<T> {
         if self.count == 1 {
-            let Inputs { opening_command_pu, esv, tank_pressure_pa } = self.all[0].frame.inputs;
+            let Inputs { opening_command_pu, esv, tank_pressure_pa, piston_force_n } = self.all[0].frame.inputs;
             let zero = old.esv_opening_pu;
             let renewed = |old: T, new: f64| if new.is_finite() { zero.like(new) } else { old };
             return Acting {
                 opening_command_pu: renewed(old.opening_command_pu, opening_command_pu),
                 esv_opening_pu: zero.like(esv_opening_pu(esv)),
                 tank_pressure_pa: renewed(old.tank_pressure_pa, tank_pressure_pa),
+                piston_force_n: renewed(old.piston_force_n, piston_force_n),
             };
         }
         let renewed = |lane: usize| {
@@ -197,6 +198,7 @@ impl TwinRows {
             opening_command_pu: zero.each(|lane| renewed[lane].opening_command_pu),
             esv_opening_pu: zero.each(|lane| renewed[lane].esv_opening_pu),
             tank_pressure_pa: zero.each(|lane| renewed[lane].tank_pressure_pa),
+            piston_force_n: zero.each(|lane| renewed[lane].piston_force_n),
         }
     }
 }

@@ -12,10 +12,12 @@ pub(super) struct Acting<T = f64> {
     /// 1 in NORMAL, 0 in SHUTDOWN.
     pub esv_opening_pu: T,
     pub tank_pressure_pa: T,
+    /// + opens.
+    pub piston_force_n: T,
 }
 
-abreast!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa });
-apart!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa });
+abreast!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa, piston_force_n });
+apart!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa, piston_force_n });
 
 impl Acting {
     /// Takes the finite ones of new inputs; the others keep their values.
@@ -26,6 +28,9 @@ impl Acting {
         }
         if new.tank_pressure_pa.is_finite() {
             self.tank_pressure_pa = new.tank_pressure_pa;
+        }
+        if new.piston_force_n.is_finite() {
+            self.piston_force_n = new.piston_force_n;
         }
     }
 }

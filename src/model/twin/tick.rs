@@ -153,7 +153,7 @@ pub(super) fn tick<T: Real>(chain: &mut impl Chain<T>, setting: Setting, now: &m
         edge_blur_m: now.demand.sd_pu * CHATTER_BLUR * reference_m,
         spool_force_n: chain.apply(Point::SpoolForce, zero, &seen),
         chamber_flow_m3_s: chain.apply(Point::ChamberFlow, zero, &seen),
-        servomotor_force_n: chain.apply(Point::ServomotorForce, zero, &seen),
+        servomotor_force_n: chain.apply(Point::ServomotorForce, now.inputs.piston_force_n, &seen),
         opening_flow_m3_s: chain.apply(Point::OpeningFlow, zero, &seen),
         closing_flow_m3_s: chain.apply(Point::ClosingFlow, zero, &seen),
     };

@@ -53,9 +53,18 @@ impl Bus {
     /// How many readers other participants have on this topic, given by its full name.
     #[must_use]
     pub fn readers_of(&self, full_name: &str) -> usize {
+        self.others_that_read(&format!("rt{full_name}"))
+    }
+
+    /// How many servers other participants have of this service, given by its full name.
+    #[must_use]
+    pub fn servers_of(&self, full_name: &str) -> usize {
+        self.others_that_read(&format!("rq{full_name}Request"))
+    }
+
+    fn others_that_read(&self, dds_name: &str) -> usize {
         let own = self.context.domain_participant();
         let own_prefix = prefix_of(own.guid());
-        let dds_name = format!("rt{full_name}");
         let readers = own.discovered_readers();
         let others = readers.iter().map(|reader| &reader.subscription_topic_data);
         others.filter(|data| *data.topic_name() == dds_name && prefix_of(data.key()) != own_prefix).count()

@@ -24,6 +24,12 @@ struct Heard<Sender> {
 }
 
 impl<Sender: Copy + PartialEq> CompetingPublishers<Sender> {
+    /// Whether two senders said different things, and none of them has fallen silent since.
+    #[must_use]
+    pub fn compete(&self) -> bool {
+        self.told && self.lately.len() > 1
+    }
+
     /// Takes a value; returns another sender with its value where that one spoke within 2 s, and since this one began, and said something else:
     /// once until all but one fall silent. One that takes over from one that ended is no rival.
     pub fn take(&mut self, sender: Sender, said: f64, now_ns: i64) -> Option<(Sender, f64)> {
@@ -55,12 +61,15 @@ mod tests {
         assert_eq!(competing.take('a', 0.3, 0), None);
         assert_eq!(competing.take('b', 0.3, 1), None, "a second sender that agrees is redundancy");
         assert_eq!(competing.take('b', 0.5, 2), None, "the first may have ended when the second began");
+        assert!(!competing.compete());
         assert_eq!(competing.take('a', 0.3, 3), Some(('b', 0.5)));
+        assert!(competing.compete());
         assert_eq!(competing.take('b', 0.5, 4), None);
         // b is gone, a goes on, b comes back.
         for second in 1..5 {
             assert_eq!(competing.take('a', 0.3, second * SECOND_NS), None);
         }
+        assert!(!competing.compete(), "one is alone again");
         assert_eq!(competing.take('b', 0.5, 5 * SECOND_NS), None);
         assert_eq!(competing.take('a', 0.3, 5 * SECOND_NS + 1), Some(('b', 0.5)));
     }

@@ -21,6 +21,8 @@ impl Integrator {
             Order::Step { ticks } => {
                 self.state = RunState::Paused;
                 self.steps = Some(Steps { ticket, left_count: ticks });
+                let waits = self.awaited.of.contains(&true);
+                self.waits_until_ns = waits.then(|| now_ns.saturating_add(self.awaited.timeout_ns));
                 return;
             }
             Order::Reset { time } => {
@@ -28,6 +30,8 @@ impl Integrator {
                 self.set_back(time);
                 OrderOutcome::Done
             }
+            Order::ResetTrip if self.core.reset_trip() => OrderOutcome::Done,
+            Order::ResetTrip => OrderOutcome::Already,
             Order::Quit => {
                 self.stats.ended_by_caller = true;
                 self.interrupt();
@@ -65,13 +69,17 @@ impl Integrator {
 
     /// Ends steps that are under way.
     fn interrupt(&mut self) {
+        self.waits_until_ns = None;
         if let Some(steps) = self.steps.take() {
             self.answer(steps.ticket, OrderOutcome::Interrupted);
         }
     }
 
-    /// Does steps as far as there is room for results; the last one is published whatever the period.
-    pub(super) fn step(&mut self) {
+    /// Does steps as far as there is room for results, once their inputs are there; the last one is published whatever the period.
+    pub(super) fn step(&mut self, now_ns: i64) {
+        if !self.has_inputs(now_ns) {
+            return;
+        }
         for _ in 0..MOST_STEPS {
             let Some(Steps { ticket, left_count }) = self.steps else { return };
             if !self.has_room() {
@@ -86,9 +94,25 @@ impl Integrator {
         }
     }
 
+    /// Whether steps that wait for inputs may begin; those whose inputs stay away are refused.
+    fn has_inputs(&mut self, now_ns: i64) -> bool {
+        let Some(until_ns) = self.waits_until_ns else { return true };
+        let missing = self.core.missing(self.awaited.of);
+        if missing.contains(&true) && now_ns < until_ns {
+            return false;
+        }
+        self.waits_until_ns = None;
+        if missing.contains(&true)
+            && let Some(steps) = self.steps.take()
+        {
+            self.answer(steps.ticket, OrderOutcome::InputsMissing(missing));
+        }
+        true
+    }
+
     fn answer(&mut self, ticket: Ticket, outcome: OrderOutcome) {
         // The hearing thread lets no more orders wait than there is room for answers.
-        let _ = self.answers.push(Answer { ticket, outcome, state: self.state });
+        let _ = self.answers.push(Answer { ticket, outcome, state: self.state, stamps_ns: self.core.stamps_ns() });
         self.node_events = true;
     }
 

@@ -84,11 +84,13 @@ impl Listener<'_> {
             let Some(value) = row.value(field.target()) else { continue };
             let mut gates = self.gates.borrow_mut();
             let gate = &mut gates[input as usize];
-            match checked(field.target(), value, topic.stamp_ns(), gate) {
+            let stamp_ns = topic.stamp_ns();
+            let looked = self.look(input, stamp_ns.unwrap_or_default(), gate);
+            match looked.and_then(|()| checked(field.target(), value, stamp_ns, gate)) {
                 Ok(event) => {
                     drop(gates);
                     self.compare(input, sender, value);
-                    self.tell(event);
+                    self.tell_stamped(event, stamp_ns.unwrap_or_default());
                 }
                 Err(refusal) => {
                     let is_first = gate.counts().refused(refusal) == 1;

@@ -16,13 +16,15 @@ impl Listener<'_> {
     /// Checks one sample and passes it on.
     pub(super) fn sample<M: Interface + Intake>(&self, sample: Result<(M, MessageInfo), ReadError>) {
         self.check(M::INPUT, M::TYPE_NAME, sample, |message, sender, gate| {
+            let stamp_ns = message.stamp_ns();
+            self.look(M::INPUT, stamp_ns, gate)?;
             let heard = message.check(gate)?;
             match heard {
                 InputEvent::Command(said) | InputEvent::TankPressure(said) => self.compare(M::INPUT, sender, said),
                 InputEvent::Esv(state) => self.compare(M::INPUT, sender, f64::from(state as u8)),
                 _ => {}
             }
-            self.tell(heard);
+            self.tell_stamped(heard, stamp_ns);
             Ok(())
         });
     }
@@ -30,14 +32,16 @@ impl Listener<'_> {
     /// Checks a joint command and passes on what it asks for.
     pub(super) fn asked(&self, sample: Result<(JointState, MessageInfo), ReadError>) {
         self.check(NodeInput::Load, JointState::TYPE_NAME, sample, |message, sender, gate| {
+            let stamp_ns = message.header.stamp.nanos().unwrap_or_default();
+            self.look(NodeInput::Load, stamp_ns, gate)?;
             let asked = joints::asked(message, self.stroke_m.get(), gate)?;
             if let Some(opening_command_pu) = asked.opening_command_pu {
                 self.compare(NodeInput::Command, sender, opening_command_pu);
-                self.tell(InputEvent::Command(opening_command_pu));
+                self.tell_stamped(InputEvent::Command(opening_command_pu), stamp_ns);
             }
             if let Some(load_n) = asked.load_n {
                 self.compare(NodeInput::Load, sender, load_n);
-                self.tell(InputEvent::Load(load_n));
+                self.tell_stamped(InputEvent::Load(load_n), stamp_ns);
             }
             Ok(())
         });
@@ -77,6 +81,13 @@ impl Listener<'_> {
         if let Ok(mut counts) = self.counts.lock() {
             counts[input as usize] = gate.counts();
         }
+    }
+
+    /// Looks at a sample's stamp; one that must not be used is counted.
+    pub(super) fn look(&self, input: NodeInput, stamp_ns: i64, gate: &mut TopicGate) -> Result<(), Refusal> {
+        self.look_at_stamp(input, stamp_ns).inspect_err(|&refusal| {
+            gate.refuse(refusal);
+        })
     }
 
     /// Tells of a second sender that says something else on the same input.

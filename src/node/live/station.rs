@@ -15,6 +15,7 @@ use super::super::clock::ClockHeard;
 use super::super::control::RunState;
 use super::super::core::{Core, NodeInput};
 use super::super::diagnostics::{self, DiagnosticArray};
+use super::super::health::Health;
 use super::super::intake::TopicCounts;
 use super::super::integration::{Ends, Integrator};
 use super::super::journal::{Journal, Names};
@@ -44,6 +45,7 @@ pub(super) struct Station {
     pub(super) bus: Bus,
     pub(super) settings: NodeSettings,
     pub(super) clock: ClockHeard,
+    pub(super) health: Health,
     pub(super) least: AtomicU8,
     pub(super) counts: Mutex<[TopicCounts; NodeInput::COUNT]>,
 }
@@ -86,7 +88,7 @@ impl Station {
         }
         // All endpoints are made before anything runs: announcements in a burst later may be lost.
         let is_mapped = options.map.is_some();
-        let subscriptions = Subscriptions::open(&mut bus, &options.environment, &settings, options.adapt, is_mapped)?;
+        let subscriptions = Subscriptions::open(&mut bus, &settings, options.adapt, is_mapped)?;
         let (subscriber, opened) = match &options.map {
             Some(map) => {
                 let (way, opened) = mpsc::unbounded();
@@ -98,14 +100,18 @@ impl Station {
         let publishers = Publishers::open(&mut bus, corrector.as_ref().map(Corrector::signal), settings.publish_clock)?;
         let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME)?;
         let fixed_unit = corrector.is_some().then_some(FIXED_UNIT);
-        let core = Core::of_refit(Refit::new(&unit), settings.policies()).with_corrector(corrector);
+        let core = Core::of_refit(Refit::new(&unit), settings.policies())
+            .with_corrector(corrector)
+            .latching(settings.latch_trip);
         let (integrator, ends) = Integrator::new(core, settings.pace(), 0);
+        let integrator = integrator.awaiting(settings.awaited());
         let station = Self {
             subscriptions,
             publishers,
             bus,
             settings,
             clock: ClockHeard::default(),
+            health: Health::default(),
             least: AtomicU8::new(log_level(options.arguments.log_level) as u8),
             counts: Mutex::default(),
         };
@@ -204,6 +210,7 @@ mod tests {
             residual: None,
             adapt: false,
             settings: NodeSettings::default(),
+            read_only: false,
             duration: None,
             bag: None,
         };

@@ -16,6 +16,7 @@ use super::super::clock::{self, Watch};
 use super::super::control::RunState;
 use super::super::core::NodeInput;
 use super::super::diagnostics::{self, DiagnosticArray, TimeKeeping};
+use super::super::health::Health;
 use super::super::intake::TopicCounts;
 use super::super::integration::TickOutput;
 use super::super::journal::Journal;
@@ -36,7 +37,7 @@ const MOST_EVENTS: usize = 4096;
 /// The books of one unit: words, bag, diagnostics.
 pub(super) struct Supervisor<'a> {
     bus: &'a Bus,
-    health: Publisher<DiagnosticArray>,
+    diagnostics: Publisher<DiagnosticArray>,
     counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
     settings: NodeSettings,
     journal: Option<Journal>,
@@ -47,6 +48,7 @@ pub(super) struct Supervisor<'a> {
     watch: Watch,
     state: Box<dyn Fn() -> RunState + 'a>,
     competing_clock: bool,
+    health: (&'a Health, bool),
     least: &'a AtomicU8,
     heard: Taker,
     second: Until,
@@ -63,14 +65,14 @@ impl<'a> Supervisor<'a> {
     /// The books of a unit that begins; `state` says whether its simulation runs.
     pub(super) fn new(
         station: &'a Station,
-        (health, journal, heard): (Publisher<DiagnosticArray>, Option<Journal>, Taker),
+        (diagnostics, journal, heard): (Publisher<DiagnosticArray>, Option<Journal>, Taker),
         state: Box<dyn Fn() -> RunState + 'a>,
         (prefix, names, subscriber): (String, InputNames, Option<MapSubscriber>),
         say: &'a dyn Fn(LogLevel, &str),
     ) -> Self {
         Self {
             bus: &station.bus,
-            health,
+            diagnostics,
             counts: &station.counts,
             settings: station.settings,
             journal,
@@ -80,6 +82,7 @@ impl<'a> Supervisor<'a> {
             watch: Watch::new(monotonic_ns()),
             state,
             competing_clock: false,
+            health: (&station.health, false),
             least: &station.least,
             heard,
             second: Until::after(Some(SECOND)),
@@ -111,6 +114,7 @@ impl<'a> Supervisor<'a> {
         self.look_for_strangers();
         self.look_for_mismatches();
         self.look_at_the_clock();
+        self.look_for_namesakes();
         let counts = self.counts.lock().map(|counts| *counts).unwrap_or_default();
         let array = diagnostics::compile(
             &self.bus.arguments().full_name(),
@@ -127,10 +131,11 @@ impl<'a> Supervisor<'a> {
                     (None, Some(_)) => Some((2, "ended; what comes now is not recorded")),
                     (None, None) => None,
                 },
+                health: self.health.0.flags(),
             },
         );
         // Nobody may be listening; the next second brings the next one.
-        let _ = self.health.publish(array);
+        let _ = self.diagnostics.publish(array);
     }
 
     /// Writes to the bag. Where the disk is full, or the system refuses, the bag ends, which is told, and the node goes on without it.
@@ -200,6 +205,20 @@ impl<'a> Supervisor<'a> {
         } else if self.settings.publish_clock && writers > 0 && !std::mem::replace(&mut self.competing_clock, true) {
             self.tell(LogLevel::Error, "/clock: another node publishes it beside this one; whoever follows it jumps");
         }
+    }
+
+    /// Tells of another node with this node's name, which answers its callers too.
+    fn look_for_namesakes(&mut self) {
+        let name = self.bus.arguments().full_name();
+        let is_taken = self.bus.servers_of(&format!("{name}/get_parameters")) > 0;
+        self.health.0.set_node(if is_taken { Health::NAME_TAKEN } else { 0 });
+        if is_taken && !std::mem::replace(&mut self.health.1, is_taken) {
+            let words = format!(
+                "another node is called {name}: both answer its callers; start one of them with `-r __node:=OTHER`"
+            );
+            self.tell(LogLevel::Error, &words);
+        }
+        self.health.1 = is_taken;
     }
 
     /// Tells of endpoints that cannot be matched.

@@ -1,25 +1,32 @@
-//! Services whose types ros2-client cannot name: those of actions. One server hears callers on Fast DDS and on Cyclone DDS alike,
-//! since it looks at the caller's vendor before it reads what the caller sent.
+//! One server for callers on Fast DDS and on Cyclone DDS alike: it looks at the caller's vendor before it reads what the caller sent.
+//!
+//! The two lay a call out differently, and nothing on the wire says which. Cyclone DDS puts sixteen bytes before each request and response, the
+//! caller's id and a number, which Fast DDS keeps beside the sample. A call read the wrong way decodes into other, valid-looking numbers. With a
+//! server for each layout a client would count the wrong one of them as ready, and its first call would be lost.
+
+mod delivery;
 
 use std::convert::Infallible;
+use std::sync::Mutex;
 
-use futures::stream::{LocalBoxStream, StreamExt};
-use ros2_client::ServiceMapping;
+use futures::stream::{LocalBoxStream, StreamExt, select};
+use ros2_client::{Gid, MessageInfo, ServiceMapping, Subscription};
 use rustdds::bytes::Bytes;
-use rustdds::no_key::{DataWriter, SerializerAdapter, SimpleDataReader};
-use rustdds::rpc::SampleIdentity;
+use rustdds::no_key::{DataWriter, SerializerAdapter};
 use rustdds::{
-    Publisher, RepresentationIdentifier as Layout, SequenceNumber, Subscriber, Timestamp, WriteOptionsBuilder,
+    DataWriterStatus, DomainParticipant, GUID, Publisher, RepresentationIdentifier as Layout, SampleIdentity,
+    SequenceNumber, StatusEvented, Timestamp, Topic, TopicDescription, WriteOptionsBuilder,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::super::tap::Undecoded;
+use super::super::spout::Encoded;
 use super::{Aftermath, ServiceContext};
+use delivery::{Delivery, Response, participant_of};
 use govtwin_bag::cdr;
 
-/// What names the layout of a sample, before its bytes.
-const HEAD_LEN: usize = 4;
+/// What names the layout of a sample, before its bytes: little-endian CDR, as every ROS 2 writes on machines of today.
+const HEAD: [u8; 4] = [0, 1, 0, 0];
 
 /// What Cyclone DDS puts before each request and response: the caller's id and a number, eight bytes each.
 const CYCLONE_LEN: usize = 16;
@@ -40,7 +47,7 @@ impl SerializerAdapter<Bytes> for Body {
 }
 
 /// To whom a response goes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Caller {
     request: SampleIdentity,
     cyclone: Option<[u8; CYCLONE_LEN]>,
@@ -49,31 +56,34 @@ pub struct Caller {
 /// The server of one service.
 pub struct Calls {
     // Dropped in this order.
-    requests: SimpleDataReader<Vec<u8>, Undecoded>,
+    requests: Subscription<Encoded>,
     responses: DataWriter<Bytes, Body>,
-    _subscriber: Subscriber,
     _publisher: Publisher,
-    _listed: Option<Listed>,
+    _listed: ros2_client::Publisher<()>,
+    participant: DomainParticipant,
+    request_topic: String,
+    delivery: Mutex<Delivery>,
 }
 
-/// A second pair of endpoints, which nobody reads and nobody writes: ros2-client lists in the graph of ROS what it opened itself, and
-/// `ros2 node info` and bridges go by that list.
-type Listed = (ros2_client::Subscription<()>, ros2_client::Publisher<()>);
-
 impl Calls {
-    /// A server of these endpoints.
+    /// A server of these endpoints. `listed` is a second writer of responses that writes nothing: ros2-client lists in the graph of ROS what it
+    /// opened itself, and `ros2 node info` and bridges go by that list. It is announced after the real one, so that nobody takes it for ready.
     #[must_use]
-    pub fn new(
-        (subscriber, requests): (Subscriber, SimpleDataReader<Vec<u8>, Undecoded>),
+    pub(in super::super) fn new(
+        participant: DomainParticipant,
+        (topic, requests): (&Topic, Subscription<Encoded>),
         (publisher, responses): (Publisher, DataWriter<Bytes, Body>),
+        listed: ros2_client::Publisher<()>,
     ) -> Self {
-        Self { requests, responses, _subscriber: subscriber, _publisher: publisher, _listed: None }
-    }
-
-    /// The same, with endpoints that stand for these in the graph.
-    #[must_use]
-    pub fn listed(self, listed: Listed) -> Self {
-        Self { _listed: Some(listed), ..self }
+        Self {
+            requests,
+            responses,
+            _publisher: publisher,
+            _listed: listed,
+            participant,
+            request_topic: topic.name(),
+            delivery: Mutex::default(),
+        }
     }
 
     /// Hands each call to `take`; what does not decode is none.
@@ -82,44 +92,89 @@ impl Calls {
         context: &'a ServiceContext<'a>,
         take: impl Fn(Request, Caller, &mut Aftermath) + 'a,
     ) -> LocalBoxStream<'a, Aftermath> {
-        let answered = self.requests.as_async_stream().map(move |sample| {
+        let answered = self.requests.async_stream().map(move |call| {
             let mut aftermath = Aftermath::default();
-            let Ok(sample) = sample else { return aftermath };
-            let id = sample.writer_guid.to_bytes();
-            let vendor = [id[0], id[1]];
-            let layouts = [ServiceMapping::Enhanced, ServiceMapping::Cyclone];
-            let Some(layout) = layouts.into_iter().find(|&layout| context.serves(layout, vendor)) else {
-                aftermath.words.extend(context.turn_away(vendor));
-                return aftermath;
-            };
-            let own = SampleIdentity { writer_guid: sample.writer_guid, sequence_number: sample.sequence_number };
-            let caller = identity(sample.related_sample_identity(), own);
-            if let Some((request, cyclone)) = decode(&sample.into_value(), layout) {
-                take(request, Caller { request: caller, cyclone }, &mut aftermath);
+            let Ok((body, info)) = call else { return aftermath };
+            let request = identity(&info);
+            let sender = info.publisher_gid();
+            self.meet(sender);
+            let id = sender.to_bytes16();
+            if let Some((asked, cyclone)) = decode(body.bytes(), context.layout_of([id[0], id[1]])) {
+                take(asked, Caller { request, cyclone }, &mut aftermath);
             }
             aftermath
         });
-        answered.boxed_local()
+        // Readers of responses come and go: what waited for one is sent.
+        let matched = self.responses.as_async_status_stream().map(|status| {
+            self.follow(&status);
+            Aftermath::default()
+        });
+        select(answered, matched).boxed_local()
     }
 
-    /// Answers a caller; `false` where the answer is lost.
-    pub fn respond<Response: Serialize>(&self, caller: &Caller, response: &Response) -> bool {
+    /// Answers each call at once.
+    pub(super) fn answer<'a, 's: 'a, Request: DeserializeOwned + 'a, Answer: Serialize>(
+        &'s self,
+        context: &'a ServiceContext<'a>,
+        respond: impl Fn(Request, &ServiceContext<'_>, &mut Aftermath) -> Answer + 'a,
+    ) -> LocalBoxStream<'a, Aftermath> {
+        self.attend(context, move |request, caller, aftermath| {
+            let response = respond(request, context, aftermath);
+            if !self.respond(&caller, &response) {
+                aftermath.words.push("an answer to a service call was lost".to_owned());
+            }
+        })
+    }
+
+    /// Answers a caller, as soon as its reader is matched; `false` where the answer is lost.
+    pub fn respond(&self, caller: &Caller, response: &impl Serialize) -> bool {
         let Ok(encoded) = cdr::encode(response) else { return false };
         let head = caller.cyclone.as_ref().map_or(&[][..], |head| head);
-        let body = Bytes::from([head, &encoded[HEAD_LEN..]].concat());
-        let options =
-            WriteOptionsBuilder::new().related_sample_identity(caller.request).source_timestamp(Timestamp::now());
-        self.responses.write_with_options(body, options.build()).is_ok()
+        let body = Bytes::from([head, &encoded[HEAD.len()..]].concat());
+        let Ok(mut delivery) = self.delivery.lock() else { return false };
+        delivery.take(Response { request: caller.request, body }).into_iter().all(|due| self.send(&due))
+    }
+
+    /// Counts the clients of a participant where one of them calls for the first time: each has a reader that must be matched.
+    fn meet(&self, sender: Gid) {
+        let Ok(mut delivery) = self.delivery.lock() else { return };
+        let sender = GUID::from(sender);
+        if delivery.meet(sender) {
+            let participant = participant_of(sender);
+            let writers = self.participant.discovered_writers();
+            let data = writers.iter().map(|writer| &writer.publication_topic_data);
+            let clients =
+                data.filter(|data| data.topic_name == self.request_topic && participant_of(data.key) == participant);
+            delivery.count(participant, clients.count());
+        }
+    }
+
+    fn follow(&self, status: &DataWriterStatus) {
+        let DataWriterStatus::PublicationMatched { reader, current, .. } = status else { return };
+        let Ok(mut delivery) = self.delivery.lock() else { return };
+        let due = if current.count_change() > 0 { delivery.matched(*reader) } else { delivery.lost(*reader) };
+        for one in due {
+            self.send(&one);
+        }
+    }
+
+    /// Sends a response to one reader, and to no other: those of the other layout could not decode it.
+    fn send(&self, (reader, Response { request, body }): &(GUID, Response)) -> bool {
+        let options = WriteOptionsBuilder::new()
+            .related_sample_identity(*request)
+            .source_timestamp(Timestamp::now())
+            .to_single_reader(*reader);
+        self.responses.write_with_options(body.clone(), options.build()).is_ok()
     }
 }
 
 /// By what a caller knows its response: what it says, with the number of the sample where it leaves that out, as Fast DDS does, or else
 /// the sample itself.
-fn identity(said: Option<SampleIdentity>, own: SampleIdentity) -> SampleIdentity {
-    match said {
-        Some(said) if said.sequence_number == SequenceNumber::UNKNOWN => {
-            SampleIdentity { sequence_number: own.sequence_number, ..said }
-        }
+fn identity(info: &MessageInfo) -> SampleIdentity {
+    let sequence_number = SequenceNumber::from(info.sequence_number());
+    let own = SampleIdentity { writer_guid: GUID::from(info.publisher_gid()), sequence_number };
+    match info.related_request_id().map(SampleIdentity::from) {
+        Some(said) if said.sequence_number == SequenceNumber::UNKNOWN => SampleIdentity { sequence_number, ..said },
         Some(said) => said,
         None => own,
     }
@@ -127,30 +182,30 @@ fn identity(said: Option<SampleIdentity>, own: SampleIdentity) -> SampleIdentity
 
 /// A request, and what Cyclone DDS puts before it.
 fn decode<Request: DeserializeOwned>(
-    sample: &[u8],
+    body: &[u8],
     layout: ServiceMapping,
 ) -> Option<(Request, Option<[u8; CYCLONE_LEN]>)> {
-    let (head, body) = sample.split_at_checked(HEAD_LEN)?;
+    let request = |body: &[u8]| cdr::decode(&[&HEAD[..], body].concat()).ok();
     if layout != ServiceMapping::Cyclone {
-        return cdr::decode(sample).ok().map(|request| (request, None));
+        return request(body).map(|request| (request, None));
     }
     let (cyclone, body) = body.split_first_chunk::<CYCLONE_LEN>()?;
-    cdr::decode(&[head, body].concat()).ok().map(|request| (request, Some(*cyclone)))
+    request(body).map(|request| (request, Some(*cyclone)))
 }
 
 #[cfg(test)]
 mod tests {
     use ros2_client::ServiceMapping::{Cyclone, Enhanced};
 
-    use super::{HEAD_LEN, decode};
+    use super::{HEAD, decode};
     use govtwin_bag::cdr;
     use govtwin_bag::msg::action::SendStepsRequest;
 
     #[test]
     fn a_request_is_read_in_the_layout_of_its_caller() {
         let request = SendStepsRequest { goal_id: [7; 16], steps: 40 };
-        let plain = cdr::encode(&request).unwrap();
-        let behind_head = [&plain[..HEAD_LEN], &[9; 16][..], &plain[HEAD_LEN..]].concat();
+        let plain = cdr::encode(&request).unwrap().split_off(HEAD.len());
+        let behind_head = [&[9; 16][..], &plain].concat();
         assert_eq!(decode::<SendStepsRequest>(&plain, Enhanced), Some((request, None)));
         assert_eq!(decode::<SendStepsRequest>(&behind_head, Cyclone), Some((request, Some([9; 16]))));
         assert_eq!(decode::<SendStepsRequest>(&plain, Cyclone), None, "too short behind the head");

@@ -31,7 +31,7 @@ impl<'a> Replies<'a> {
             waiting.insert(ticket, Box::new(reply));
             return Some(ticket);
         }
-        reply(Answer { ticket, outcome: OrderOutcome::Busy, state: self.state() });
+        reply(Answer { ticket, outcome: OrderOutcome::Busy, state: self.state(), stamps_ns: Default::default() });
         None
     }
 
@@ -74,8 +74,18 @@ mod tests {
         }
         assert_eq!(tickets.len(), ANSWERS / 2);
         assert!(answered.try_iter().all(|(caller, _, outcome)| caller >= ANSWERS / 2 && outcome == OrderOutcome::Busy));
-        replies.answer(Answer { ticket: tickets[3], outcome: OrderOutcome::Done, state: RunState::Paused });
-        replies.answer(Answer { ticket: tickets[3], outcome: OrderOutcome::Done, state: RunState::Paused });
+        replies.answer(Answer {
+            ticket: tickets[3],
+            outcome: OrderOutcome::Done,
+            state: RunState::Paused,
+            stamps_ns: [0; 4],
+        });
+        replies.answer(Answer {
+            ticket: tickets[3],
+            outcome: OrderOutcome::Done,
+            state: RunState::Paused,
+            stamps_ns: [0; 4],
+        });
         assert_eq!(answered.try_iter().collect::<Vec<_>>(), [(3, tickets[3], OrderOutcome::Done)]);
         assert_eq!(replies.state(), RunState::Paused);
     }

@@ -5,19 +5,21 @@
 //! have `simulation_interfaces`.
 
 use futures::stream::LocalBoxStream;
-use ros2_client::{Server, ServiceMapping};
 
 use super::super::bus::{Bus, BusError};
 use super::super::control::{Answer, Order, OrderOutcome, RunState};
 use super::super::integration::TimeSource;
+use super::super::policy::NodeInput;
+use super::call::Calls;
 use super::replies::Replies;
-use super::{Aftermath, ServiceContext, answer, attend};
+use super::{Aftermath, READ_ONLY, ServiceContext};
 use govtwin_bag::msg::service::{Nothing, Trigger, TriggerResponse};
 use govtwin_bag::msg::simulation::{
     FeaturesResponse, GetSimulationState, GetSimulatorFeatures, ResetRequest, ResetSimulation, ResultResponse,
     SetSimulationState, SetStateRequest, SimulationResult, SimulationState, SimulatorFeatures, StateResponse,
     StepRequest, StepSimulation,
 };
+use govtwin_model::units::NANOS_PER_SECOND;
 
 /// Most steps of one call: 11 days at 1 kHz.
 const MOST_STEPS: u64 = 1_000_000_000;
@@ -25,16 +27,16 @@ const MOST_STEPS: u64 = 1_000_000_000;
 /// Why a node that follows a clock cannot be stopped or stepped.
 const FOLLOWS: &str = "this node follows /clock (use_sim_time): whoever publishes it stops and steps the simulation";
 
-/// One layout of the services.
+/// The services.
 pub struct SimulationServices {
-    mapping: ServiceMapping,
     time: TimeSource,
-    features: Server<Nothing, FeaturesResponse>,
-    get: Server<Nothing, StateResponse>,
-    set: Server<SetStateRequest, ResultResponse>,
-    step: Server<StepRequest, ResultResponse>,
-    reset: Server<ResetRequest, ResultResponse>,
-    trigger: Server<Nothing, TriggerResponse>,
+    features: Calls,
+    get: Calls,
+    set: Calls,
+    step: Calls,
+    reset: Calls,
+    trigger: Calls,
+    reset_trip: Calls,
 }
 
 impl SimulationServices {
@@ -42,16 +44,16 @@ impl SimulationServices {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus, mapping: ServiceMapping, time: TimeSource) -> Result<Self, BusError> {
+    pub fn open(bus: &mut Bus, time: TimeSource) -> Result<Self, BusError> {
         Ok(Self {
-            mapping,
             time,
-            features: bus.offer::<GetSimulatorFeatures>(mapping, "~/get_simulator_features")?,
-            get: bus.offer::<GetSimulationState>(mapping, "~/get_simulation_state")?,
-            set: bus.offer::<SetSimulationState>(mapping, "~/set_simulation_state")?,
-            step: bus.offer::<StepSimulation>(mapping, "~/step_simulation")?,
-            reset: bus.offer::<ResetSimulation>(mapping, "~/reset_simulation")?,
-            trigger: bus.offer::<Trigger>(mapping, "~/reset")?,
+            features: bus.offer::<GetSimulatorFeatures>("~/get_simulator_features")?,
+            get: bus.offer::<GetSimulationState>("~/get_simulation_state")?,
+            set: bus.offer::<SetSimulationState>("~/set_simulation_state")?,
+            step: bus.offer::<StepSimulation>("~/step_simulation")?,
+            reset: bus.offer::<ResetSimulation>("~/reset_simulation")?,
+            trigger: bus.offer::<Trigger>("~/reset")?,
+            reset_trip: bus.offer::<Trigger>("~/reset_trip")?,
         })
     }
 
@@ -61,38 +63,58 @@ impl SimulationServices {
         context: &'a ServiceContext<'a>,
         replies: &'a Replies<'s>,
     ) -> Vec<LocalBoxStream<'a, Aftermath>> {
-        let (mapping, time) = (self.mapping, self.time);
+        let time = self.time;
         vec![
-            answer(mapping, &self.features, context, move |_, _, _| FeaturesResponse { features: features(time) }),
-            answer(mapping, &self.get, context, |_, _, _| {
+            self.features.answer(context, move |_: Nothing, _, _| FeaturesResponse { features: features(time) }),
+            self.get.answer(context, |_: Nothing, _, _| {
                 let state = SimulationState { state: number(replies.state()) };
                 StateResponse { state, result: SimulationResult::ok() }
             }),
-            attend(mapping, &self.set, context, move |request, _, aftermath, send| {
-                let send = move |result| send(ResultResponse { result });
-                order(replies, aftermath, state_order(request.state, time), send);
+            self.set.attend(context, move |request: SetStateRequest, caller, aftermath| {
+                let send = move |result| self.set.respond(&caller, &ResultResponse { result });
+                order(replies, aftermath, allowed(context, state_order(request.state, time)), send);
             }),
-            attend(mapping, &self.step, context, move |request, _, aftermath, send| {
-                let send = move |result| send(ResultResponse { result });
-                order(replies, aftermath, step_order(request.steps, time), send);
+            self.step.attend(context, move |request: StepRequest, caller, aftermath| {
+                let send = move |result| self.step.respond(&caller, &ResultResponse { result });
+                order(replies, aftermath, allowed(context, step_order(request.steps, time)), send);
             }),
-            attend(mapping, &self.reset, context, move |request, _, aftermath, send| {
-                let send = move |result| send(ResultResponse { result });
-                order(replies, aftermath, reset_order(request.scope, time), send);
+            self.reset.attend(context, move |request: ResetRequest, caller, aftermath| {
+                let send = move |result| self.reset.respond(&caller, &ResultResponse { result });
+                order(replies, aftermath, allowed(context, reset_order(request.scope, time)), send);
             }),
-            attend(mapping, &self.trigger, context, move |_, _, aftermath, send| {
+            self.trigger.attend(context, move |_: Nothing, caller, aftermath| {
                 let send = move |result: SimulationResult| {
                     let success = result.result == SimulationResult::OK;
                     let done = "the twin starts again from the steady state of its inputs";
-                    send(TriggerResponse {
-                        success,
-                        message: if success { done.to_owned() } else { result.error_message },
-                    })
+                    let message = if success { done.to_owned() } else { result.error_message };
+                    self.trigger.respond(&caller, &TriggerResponse { success, message })
                 };
-                order(replies, aftermath, Ok(Order::Reset { time: true }), send);
+                order(replies, aftermath, allowed(context, Ok(Order::Reset { time: true })), send);
+            }),
+            self.reset_trip.attend(context, move |_: Nothing, caller, aftermath| {
+                let send = move |result: SimulationResult| {
+                    let success = result.result == SimulationResult::OK;
+                    let done = "the trip ends where all inputs are back";
+                    let message = match result.result {
+                        SimulationResult::OK => done.to_owned(),
+                        SimulationResult::ALREADY_IN_TARGET_STATE => "no trip waits to be reset".to_owned(),
+                        _ => result.error_message,
+                    };
+                    self.reset_trip.respond(&caller, &TriggerResponse { success, message })
+                };
+                order(replies, aftermath, allowed(context, Ok(Order::ResetTrip)), send);
             }),
         ]
     }
+}
+
+/// An order, or its refusal where nobody may change the node.
+pub(super) fn allowed(
+    context: &ServiceContext<'_>,
+    order: Result<Order, SimulationResult>,
+) -> Result<Order, SimulationResult> {
+    let refusal = || SimulationResult::refused(SimulationResult::FEATURE_UNSUPPORTED, READ_ONLY);
+    if context.read_only { Err(refusal()) } else { order }
 }
 
 /// Gives an order to the loop, or says at once why not.
@@ -110,7 +132,7 @@ fn order<'a>(
         }
     };
     let reply = move |answer: Answer| {
-        send(result(answer.outcome));
+        send(if let Order::Step { .. } = order { result_of_steps(&answer) } else { result(&answer) });
     };
     if let Some(ticket) = replies.expect(reply) {
         aftermath.words.extend(words(order).map(str::to_owned));
@@ -125,6 +147,7 @@ fn words(order: Order) -> Option<&'static str> {
         Order::Pause => Some("a caller pauses the simulation"),
         Order::Stop => Some("a caller stops the simulation and sets it back"),
         Order::Reset { .. } => Some("a caller sets the twin back"),
+        Order::ResetTrip => Some("a caller resets the trip of the fail-safe"),
         Order::Quit => Some("a caller ends the node"),
         Order::Step { .. } => None,
     }
@@ -171,9 +194,9 @@ fn reset_order(scope: u8, time: TimeSource) -> Result<Order, SimulationResult> {
     }
 }
 
-pub(super) fn result(outcome: OrderOutcome) -> SimulationResult {
+pub(super) fn result(answer: &Answer) -> SimulationResult {
     let refuse = SimulationResult::refused;
-    match outcome {
+    match answer.outcome {
         OrderOutcome::Done => SimulationResult::ok(),
         OrderOutcome::Already => refuse(SimulationResult::ALREADY_IN_TARGET_STATE, "it is in that state already"),
         OrderOutcome::NotPaused => {
@@ -181,7 +204,33 @@ pub(super) fn result(outcome: OrderOutcome) -> SimulationResult {
         }
         OrderOutcome::Busy => refuse(SimulationResult::INCORRECT_STATE, "other callers are before this one"),
         OrderOutcome::Interrupted => refuse(SimulationResult::OPERATION_FAILED, "another call ended the steps early"),
+        OrderOutcome::InputsMissing(missing) => {
+            let missing: Vec<&str> = NodeInput::NAMES
+                .into_iter()
+                .zip(missing)
+                .filter(|(_, is_missing)| *is_missing)
+                .map(|(name, _)| name)
+                .collect();
+            let why = format!(
+                "no new sample of {} came within steps.timeout; nothing was stepped (`sim/status` has the stamps in force)",
+                missing.join(", ")
+            );
+            SimulationResult::refused(SimulationResult::OPERATION_FAILED, why)
+        }
     }
+}
+
+/// The same of steps that were done, with the stamps of the inputs that they used.
+pub(super) fn result_of_steps(answer: &Answer) -> SimulationResult {
+    let result = result(answer);
+    if answer.outcome != OrderOutcome::Done || answer.stamps_ns.iter().all(|stamp_ns| *stamp_ns == 0) {
+        return result;
+    }
+    let stamps = NodeInput::NAMES.into_iter().zip(answer.stamps_ns).filter(|(_, stamp_ns)| *stamp_ns != 0);
+    let stamps: Vec<String> = stamps
+        .map(|(name, stamp_ns)| format!("{name} {}.{:09}", stamp_ns / NANOS_PER_SECOND, stamp_ns % NANOS_PER_SECOND))
+        .collect();
+    SimulationResult { error_message: format!("stamps used: {}", stamps.join(", ")), ..result }
 }
 
 fn number(state: RunState) -> u8 {

@@ -13,7 +13,7 @@ use super::super::qos;
 use super::super::realtime::{monotonic_ns, wall_ns};
 use super::call::{Caller, Calls};
 use super::replies::Replies;
-use super::simulation::{result, step_order};
+use super::simulation::{allowed, result_of_steps, step_order};
 use super::{Aftermath, ServiceContext};
 use govtwin_bag::msg;
 use govtwin_bag::msg::action::{
@@ -71,10 +71,18 @@ impl StepsAction {
         vec![
             self.goal.attend(context, move |request: SendStepsRequest, caller, aftermath| {
                 let stamp = msg::Time::from_nanos(wall_ns());
-                let accepted = self.pursue(request, stamp, replies, aftermath);
+                let order = allowed(context, step_order(request.steps, self.time));
+                let accepted = self.pursue((request, order), stamp, replies, aftermath);
                 self.goal.respond(&caller, &SendGoalResponse { accepted, stamp });
             }),
             self.cancel.attend(context, move |request: CancelRequest, caller, aftermath| {
+                if context.read_only {
+                    self.cancel.respond(
+                        &caller,
+                        &CancelResponse { return_code: CancelResponse::REJECTED, ..CancelResponse::default() },
+                    );
+                    return;
+                }
                 let response = self.with(|goals| goals.cancel(&request.goal_info)).unwrap_or_default();
                 if !response.goals_canceling.is_empty() {
                     // To pause ends the steps, and nothing else: the simulation stands already.
@@ -86,7 +94,7 @@ impl StepsAction {
                 self.cancel.respond(&caller, &response);
             }),
             self.result.attend(context, move |request: ResultRequest, caller, _| {
-                let known = self.with(|goals| goals.ask(request.goal_id, caller.clone())).unwrap_or_default();
+                let known = self.with(|goals| goals.ask(request.goal_id, caller)).unwrap_or_default();
                 if let Some(response) = known {
                     self.result.respond(&caller, &response);
                 }
@@ -97,13 +105,13 @@ impl StepsAction {
     /// Takes a goal in, where there can be one.
     fn pursue<'s>(
         &'s self,
-        request: SendStepsRequest,
+        (request, order): (SendStepsRequest, Result<Order, SimulationResult>),
         stamp: msg::Time,
         replies: &Replies<'s>,
         aftermath: &mut Aftermath,
     ) -> bool {
         let SendStepsRequest { goal_id, steps } = request;
-        let order = match step_order(steps, self.time) {
+        let order = match order {
             Ok(order) => order,
             Err(refusal) => {
                 aftermath.words.push(format!("a goal of simulate_steps is refused: {}", refusal.error_message));
@@ -117,15 +125,15 @@ impl StepsAction {
             return false;
         }
         self.tell();
-        if let Some(ticket) = replies.expect(move |answer: Answer| self.finish(goal_id, answer.outcome)) {
+        if let Some(ticket) = replies.expect(move |answer: Answer| self.finish(goal_id, &answer)) {
             aftermath.orders.push((order, ticket));
         }
         true
     }
 
     /// A goal has ended: its status is told, then its result to all who wait for it.
-    fn finish(&self, goal_id: GoalId, outcome: OrderOutcome) {
-        let Some((response, waiting)) = self.with(|goals| goals.finish(goal_id, outcome)).flatten() else { return };
+    fn finish(&self, goal_id: GoalId, answer: &Answer) {
+        let Some((response, waiting)) = self.with(|goals| goals.finish(goal_id, answer)).flatten() else { return };
         self.tell();
         for caller in waiting {
             self.result.respond(&caller, &response);
@@ -200,14 +208,14 @@ impl<C> Goals<C> {
     }
 
     /// Ends a goal; gives its result and who waits for it.
-    fn finish(&mut self, goal_id: GoalId, outcome: OrderOutcome) -> Option<(StepsResult, Vec<C>)> {
+    fn finish(&mut self, goal_id: GoalId, answer: &Answer) -> Option<(StepsResult, Vec<C>)> {
         let goal = self.under_way().filter(|goal| goal.info.goal_id == goal_id)?;
-        goal.status = match outcome {
+        goal.status = match answer.outcome {
             OrderOutcome::Done => GoalStatus::SUCCEEDED,
             OrderOutcome::Interrupted if goal.status == GoalStatus::CANCELING => GoalStatus::CANCELED,
             _ => GoalStatus::ABORTED,
         };
-        goal.result = result(outcome);
+        goal.result = result_of_steps(answer);
         let response = StepsResult { status: goal.status, result: goal.result.clone() };
         Some((response, std::mem::take(&mut goal.waiting)))
     }
@@ -274,8 +282,14 @@ impl<C> Goals<C> {
 
 #[cfg(test)]
 mod tests {
-    use super::{CancelResponse, GoalInfo, GoalStatus, Goals, OrderOutcome, REMEMBERED, StepsFeedback};
+    use super::{Answer, CancelResponse, GoalInfo, GoalStatus, Goals, OrderOutcome, REMEMBERED, StepsFeedback};
+    use crate::control::RunState;
+    use crate::policy::NodeInput;
     use govtwin_bag::msg::Time;
+
+    fn answer(outcome: OrderOutcome) -> Answer {
+        Answer { ticket: 1, outcome, state: RunState::Paused, stamps_ns: [0; NodeInput::COUNT] }
+    }
 
     fn info(id: u8, sec: i32) -> GoalInfo {
         GoalInfo { goal_id: [id; 16], stamp: Time { sec, nanosec: 0 } }
@@ -288,13 +302,13 @@ mod tests {
         assert!(!goals.accept(info(2, 6), 100), "one at a time");
         assert_eq!(goals.ask([1; 16], "a"), None);
         assert_eq!(goals.ask([1; 16], "b"), None);
-        let (result, waiting) = goals.finish([1; 16], OrderOutcome::Done).unwrap();
+        let (result, waiting) = goals.finish([1; 16], &answer(OrderOutcome::Done)).unwrap();
         assert_eq!((result.status, waiting), (GoalStatus::SUCCEEDED, vec!["a", "b"]));
         assert_eq!(goals.ask([1; 16], "late").unwrap(), result);
         assert_eq!(goals.ask([9; 16], "c").unwrap().status, GoalStatus::UNKNOWN);
         assert!(!goals.accept(info(1, 7), 1), "an id is for one goal");
         for id in 10..50 {
-            assert!(goals.accept(info(id, 8), 1) && goals.finish([id; 16], OrderOutcome::Done).is_some());
+            assert!(goals.accept(info(id, 8), 1) && goals.finish([id; 16], &answer(OrderOutcome::Done)).is_some());
         }
         assert_eq!(goals.statuses().status_list.len(), REMEMBERED + 1);
     }
@@ -305,7 +319,7 @@ mod tests {
             let mut goals = Goals::<()>::default();
             goals.accept(info(1, 5), 100);
             let response = goals.cancel(&asked);
-            let ended = goals.finish([1; 16], OrderOutcome::Interrupted).unwrap().0.status;
+            let ended = goals.finish([1; 16], &answer(OrderOutcome::Interrupted)).unwrap().0.status;
             assert_eq!(ended, if response.return_code == 0 { GoalStatus::CANCELED } else { GoalStatus::ABORTED });
             assert_eq!(goals.cancel(&info(1, 0)).return_code, CancelResponse::GOAL_TERMINATED);
             response.return_code

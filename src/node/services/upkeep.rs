@@ -1,10 +1,10 @@
 //! What `ros2` asks of every node besides parameters: levels of its logger, and descriptions of its types.
 
 use futures::stream::LocalBoxStream;
-use ros2_client::{Server, ServiceMapping};
 
 use super::super::bus::{Bus, BusError};
-use super::{Aftermath, MOST_ITEMS, ServiceContext, answer};
+use super::call::Calls;
+use super::{Aftermath, MOST_ITEMS, READ_ONLY, ServiceContext};
 use govtwin_bag::msg::definition::{Definition, closure_of, text_of};
 use govtwin_bag::msg::type_hash::{field_type, hash_of};
 use govtwin_bag::msg::upkeep::{
@@ -17,13 +17,12 @@ use govtwin_bag::msg::upkeep::{
 const LEVELS: [(u32, u8, &str); 5] =
     [(10, 10, "debug"), (20, 20, "info"), (30, 30, "warn"), (40, 40, "error"), (50, 50, "fatal")];
 
-/// One layout of the services.
+/// The services.
 pub struct UpkeepServices {
-    mapping: ServiceMapping,
     logger: String,
-    get_levels: Server<GetLevelsRequest, Levels>,
-    set_levels: Server<Levels, SetLevelsResponse>,
-    describe: Server<TypeRequest, TypeResponse>,
+    get_levels: Calls,
+    set_levels: Calls,
+    describe: Calls,
 }
 
 impl UpkeepServices {
@@ -31,13 +30,12 @@ impl UpkeepServices {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus, mapping: ServiceMapping) -> Result<Self, BusError> {
+    pub fn open(bus: &mut Bus) -> Result<Self, BusError> {
         Ok(Self {
-            mapping,
             logger: logger_name(&bus.arguments().full_name()),
-            get_levels: bus.offer::<GetLoggerLevels>(mapping, "~/get_logger_levels")?,
-            set_levels: bus.offer::<SetLoggerLevels>(mapping, "~/set_logger_levels")?,
-            describe: bus.offer::<GetTypeDescription>(mapping, "~/get_type_description")?,
+            get_levels: bus.offer::<GetLoggerLevels>("~/get_logger_levels")?,
+            set_levels: bus.offer::<SetLoggerLevels>("~/set_logger_levels")?,
+            describe: bus.offer::<GetTypeDescription>("~/get_type_description")?,
         })
     }
 
@@ -45,14 +43,17 @@ impl UpkeepServices {
     pub fn answers<'a>(&'a self, context: &'a ServiceContext<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
         let logger = self.logger.as_str();
         vec![
-            answer(self.mapping, &self.get_levels, context, move |request, context, _| {
+            self.get_levels.answer(context, move |request: GetLevelsRequest, context, _| {
                 let level = |name: &String| if name == logger { u32::from(context.least()) } else { 0 };
                 let names = request.names.iter().take(MOST_ITEMS);
                 Levels { levels: names.map(|name| LoggerLevel { name: name.clone(), level: level(name) }).collect() }
             }),
-            answer(self.mapping, &self.set_levels, context, move |request, context, aftermath| {
+            self.set_levels.answer(context, move |request: Levels, context, aftermath| {
                 let items = request.levels.iter().take(MOST_ITEMS);
-                let set = |item: &LoggerLevel| match level(item, logger) {
+                let wanted = |item: &LoggerLevel| {
+                    if context.read_only { Err(READ_ONLY.to_owned()) } else { level(item, logger) }
+                };
+                let set = |item: &LoggerLevel| match wanted(item) {
                     Ok((least, word)) => {
                         context.set_least(least);
                         aftermath.words.push(format!("logger `{logger}` set to {word}"));
@@ -62,7 +63,7 @@ impl UpkeepServices {
                 };
                 SetLevelsResponse { results: items.map(set).collect() }
             }),
-            answer(self.mapping, &self.describe, context, |request, _, _| describe(&request)),
+            self.describe.answer(context, |request: TypeRequest, _, _| describe(&request)),
         ]
     }
 }

@@ -1,8 +1,9 @@
 // A bench on Fast DDS against a running `govtwin run`: it commands, listens and asks for parameters.
 //
-// Prints what it checked and exits with the number of checks that failed. Usage: bench DOMAIN [watch | listen]
+// Prints what it checked and exits with the number of checks that failed. Usage: bench DOMAIN [watch | listen | calls]
 // With `watch` it is a peer as tests/dds/watch.py is one: it commands 0.3 and 0.5 in turn after each silence of 2 s, and
 // prints each half second how many states it received. Its lease is 2 s then.
+// With `calls` it calls 50 times, each time as a client of a participant that is new, as soon as it sees the service.
 // With `listen` it is one that comes late to a `govtwin watch`: it prints its verdict and the parts of its diagnostics.
 #include <chrono>
 #include <cmath>
@@ -38,10 +39,64 @@ static std_msgs::msg::dds_::Header_ now() {
     return header;
 }
 
+// The first call of a client that calls as soon as it sees the service, as rmw_fastrtps makes it: the request names the reader of the response.
+static bool first_call(int domain) {
+    using namespace rcl_interfaces::srv::dds_;
+    auto* factory = DomainParticipantFactory::get_instance();
+    auto* participant = factory->create_participant(domain, PARTICIPANT_QOS_DEFAULT);
+    auto topic = [&](const char* name, TypeSupport type) {
+        type.register_type(participant);
+        return participant->create_topic(name, type.get_type_name(), TOPIC_QOS_DEFAULT);
+    };
+    DataReaderQos reading = DATAREADER_QOS_DEFAULT;
+    reading.reliability().kind = RELIABLE_RELIABILITY_QOS;
+    auto* replies = participant->create_subscriber(SUBSCRIBER_QOS_DEFAULT)->create_datareader(
+        topic("rr/govtwin/get_parametersReply", TypeSupport(new GetParameters_Response_PubSubType())), reading);
+    DataWriterQos writing = DATAWRITER_QOS_DEFAULT;
+    writing.reliability().kind = RELIABLE_RELIABILITY_QOS;
+    auto* call = participant->create_publisher(PUBLISHER_QOS_DEFAULT)->create_datawriter(
+        topic("rq/govtwin/get_parametersRequest", TypeSupport(new GetParameters_Request_PubSubType())), writing);
+    auto until = steady_clock::now() + std::chrono::seconds(10);
+    while (steady_clock::now() < until) {
+        PublicationMatchedStatus out;
+        SubscriptionMatchedStatus in;
+        call->get_publication_matched_status(out);
+        replies->get_subscription_matched_status(in);
+        if (out.current_count > 0 && in.current_count > 0) break;
+        std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+    GetParameters_Request_ request;
+    request.names({"hold"});
+    eprosima::fastrtps::rtps::WriteParams params;
+    params.related_sample_identity().writer_guid(replies->guid());
+    call->write(&request, params);
+    until = steady_clock::now() + std::chrono::seconds(2);
+    bool answered = false;
+    while (steady_clock::now() < until && !answered) {
+        GetParameters_Response_ response;
+        SampleInfo info;
+        while (replies->take_next_sample(&response, &info) == ReturnCode_t::RETCODE_OK) {
+            const auto& to = info.related_sample_identity;
+            answered |= info.valid_data && to.writer_guid() == replies->guid() &&
+                        to.sequence_number() == params.sample_identity().sequence_number();
+        }
+        std::this_thread::sleep_for(std::chrono::microseconds(500));
+    }
+    participant->delete_contained_entities();
+    factory->delete_participant(participant);
+    return answered;
+}
+
 int main(int argc, char** argv) {
     const int domain = argc > 1 ? std::atoi(argv[1]) : 0;
     const bool listening = argc > 2 && std::string(argv[2]) == "listen";
     const bool watching = argc > 2 && std::string(argv[2]) == "watch";
+    if (argc > 2 && std::string(argv[2]) == "calls") {
+        int answered = 0;
+        for (int call = 0; call < 50; ++call) answered += first_call(domain) ? 1 : 0;
+        check("50 first calls of new clients are answered", answered == 50, "(" + std::to_string(answered) + ")");
+        return failed;
+    }
     DomainParticipantQos own = PARTICIPANT_QOS_DEFAULT;
     if (watching) {
         own.wire_protocol().builtin.discovery_config.leaseDuration = eprosima::fastrtps::Duration_t(2, 0);

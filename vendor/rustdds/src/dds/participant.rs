@@ -77,6 +77,8 @@ pub struct DomainParticipantBuilder {
 
   same_host_loopback: bool, // prefer loopback for same-host peers + localhost SPDP discovery peers
 
+  initial_peers: Vec<IpAddr>, // hosts to which the participant is announced without multicast
+
   lease_duration: Duration, // how long peers believe in this participant without a sign of life
 
   socket_receive_buffer_size: usize,
@@ -101,6 +103,7 @@ impl DomainParticipantBuilder {
       domain_id,
       only_networks: None,
       same_host_loopback: true,
+      initial_peers: Vec::new(),
       lease_duration: Self::DEFAULT_LEASE_DURATION,
       socket_receive_buffer_size: Self::DEFAULT_SOCKET_RECEIVE_BUFFER_SIZE,
       socket_send_buffer_size: Self::DEFAULT_SOCKET_SEND_BUFFER_SIZE,
@@ -135,6 +138,15 @@ impl DomainParticipantBuilder {
   /// `src/rtps/loopback_same_host_design.md`.
   pub fn same_host_loopback(mut self, enabled: bool) -> Self {
     self.same_host_loopback = enabled;
+    self
+  }
+
+  /// Hosts to which this participant announces itself by unicast as well, where
+  /// multicast does not reach: to the well-known SPDP ports of the first
+  /// participants of the domain on each. Who is announced to answers, so that one
+  /// side that knows the other is enough.
+  pub fn initial_peers(mut self, hosts: impl IntoIterator<Item = impl Into<IpAddr>>) -> Self {
+    self.initial_peers = hosts.into_iter().map(Into::into).collect();
     self
   }
 
@@ -365,6 +377,7 @@ impl DomainParticipantBuilder {
       self.socket_send_buffer_size,
       self.only_networks,
       self.same_host_loopback,
+      self.initial_peers,
       dp_waker,
       discovery_sample_sender,
     )?;
@@ -1022,6 +1035,7 @@ impl DomainParticipantDisc {
     socket_send_buffer_size: usize,
     only_networks: Option<Vec<IpAddr>>,
     same_host_loopback: bool,
+    initial_peers: Vec<IpAddr>,
     dp_waker: LoopWaker,
     discovery_sample_sender: ReadySender<mio1::Token>,
   ) -> CreateResult<Self> {
@@ -1039,6 +1053,7 @@ impl DomainParticipantDisc {
       socket_send_buffer_size,
       only_networks,
       same_host_loopback,
+      initial_peers,
       dp_waker,
       discovery_sample_sender,
     )?;
@@ -1312,6 +1327,7 @@ impl DomainParticipantInner {
     socket_send_buffer_size: usize,
     only_networks: Option<Vec<IpAddr>>,
     same_host_loopback: bool,
+    initial_peers: Vec<IpAddr>,
     dp_waker: LoopWaker,
     discovery_sample_sender: ReadySender<mio1::Token>,
   ) -> CreateResult<Self> {
@@ -1443,6 +1459,7 @@ impl DomainParticipantInner {
           only_networks,
           socket_send_buffer_size,
           same_host_loopback,
+          initial_peers,
           reader_ready_rx,
           writer_ready_rx,
           dp_waker,

@@ -177,6 +177,15 @@ pub fn localhost_spdp_peer_locators(
     .collect()
 }
 
+/// Unicast SPDP destinations of the first participants of a domain on another
+/// host.
+pub fn spdp_peer_locators(host: IpAddr, domain_id: u16, max_participants: u16) -> Vec<Locator> {
+  (0..max_participants)
+    .map(|pid| crate::network::constant::spdp_well_known_unicast_port(domain_id, pid))
+    .map(|port| Locator::from(SocketAddr::new(host, port)))
+    .collect()
+}
+
 pub fn get_local_unicast_locators_filtered(
   port: u16,
   only_networks: Option<&[IpAddr]>,

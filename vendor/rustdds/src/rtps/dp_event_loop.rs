@@ -27,7 +27,7 @@ use crate::{
     constant::SPDP_LOCALHOST_PEER_COUNT,
     udp_listener::UDPListener,
     udp_sender::UDPSender,
-    util::{local_interface_table, localhost_spdp_peer_locators, IfAddr},
+    util::{local_interface_table, localhost_spdp_peer_locators, spdp_peer_locators, IfAddr},
   },
   polling::{
     new_shared_timer, timeout_until, wake_channel, LoopWaker, ReadyReceiver, SharedTimer,
@@ -140,6 +140,9 @@ pub struct DPEventLoop {
   // route same-host peers over loopback. See
   // `src/rtps/loopback_same_host_design.md`.
   same_host_loopback: bool,
+
+  // Hosts to which the SPDP writer announces by unicast.
+  initial_peers: Vec<IpAddr>,
 }
 
 impl DPEventLoop {
@@ -164,6 +167,7 @@ impl DPEventLoop {
     only_networks: Option<Arc<[IpAddr]>>,
     socket_send_buffer_size: usize,
     same_host_loopback: bool,
+    initial_peers: Vec<IpAddr>,
     reader_ready: ReadyReceiver<EntityId>,
     writer_ready: ReadyReceiver<EntityId>,
     waker: LoopWaker,
@@ -257,6 +261,7 @@ impl DPEventLoop {
       participant_status_sender,
       discovery_command_sender,
       same_host_loopback,
+      initial_peers,
     })
   }
 
@@ -1131,14 +1136,20 @@ impl DPEventLoop {
     // - every writer may route a confirmed same-host peer over loopback.
     // See `src/rtps/loopback_same_host_design.md`.
     new_writer.set_prefer_loopback_same_host(self.same_host_loopback);
-    if self.same_host_loopback
-      && new_writer.guid().entity_id == EntityId::SPDP_BUILTIN_PARTICIPANT_WRITER
-    {
-      new_writer.set_extra_unicast_destinations(localhost_spdp_peer_locators(
-        self.domain_info.domain_id,
-        self.domain_info.participant_id,
-        SPDP_LOCALHOST_PEER_COUNT,
-      ));
+    if new_writer.guid().entity_id == EntityId::SPDP_BUILTIN_PARTICIPANT_WRITER {
+      let domain_id = self.domain_info.domain_id;
+      let mut destinations = Vec::new();
+      if self.same_host_loopback {
+        destinations.extend(localhost_spdp_peer_locators(
+          domain_id,
+          self.domain_info.participant_id,
+          SPDP_LOCALHOST_PEER_COUNT,
+        ));
+      }
+      for host in &self.initial_peers {
+        destinations.extend(spdp_peer_locators(*host, domain_id, SPDP_LOCALHOST_PEER_COUNT));
+      }
+      new_writer.set_extra_unicast_destinations(destinations);
     }
 
     // The doorbell is a shared ready-queue plus the poll waker, not a
@@ -1362,6 +1373,7 @@ mod tests {
         None,
         0,
         true,
+        Vec::new(),
         reader_ready,
         writer_ready,
         waker,

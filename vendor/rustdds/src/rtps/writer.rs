@@ -1034,8 +1034,15 @@ impl Writer {
           &mut self.readers.values(),
           class,
         ),
+        // The first sending of a sample to a single reader goes the way of samples
+        // to all of them, so that it does not overtake what was sent before it:
+        // peers may receive unicast and multicast in different threads. Repairs
+        // are unicast.
         Some(reader_proxy) => self.send_message_to_readers(
-          DeliveryMode::Unicast,
+          match class {
+            TrafficClass::Bulk => DeliveryMode::Multicast,
+            TrafficClass::Control => DeliveryMode::Unicast,
+          },
           msg,
           &mut std::iter::once(reader_proxy),
           class,

@@ -1,0 +1,38 @@
+//! Which networks a node uses, and how it stays known on them: options that every command on DDS has.
+
+use std::net::IpAddr;
+use std::time::Duration;
+
+use govtwin_node::environment::Environment;
+
+use crate::commands::{expect, number};
+
+/// The options.
+#[derive(Debug, clap::Args)]
+pub struct NetworkArgs {
+    /// Time after which other nodes drop this node if they hear nothing from it, s.
+    ///
+    /// The node announces itself five times in this time.
+    #[arg(long = "lease", value_name = "S", default_value_t = 10.0, value_parser = number)]
+    lease_s: f64,
+    /// Addresses of this machine whose networks are used; without them, all networks.
+    ///
+    /// The node is announced, and looks for others, on these networks alone. Ports are still bound on all addresses.
+    #[arg(long = "address", value_name = "IP", num_args = 1..)]
+    addresses: Vec<IpAddr>,
+}
+
+impl NetworkArgs {
+    /// The environment of this process with these options.
+    pub fn environment(&self) -> anyhow::Result<Environment> {
+        environment(self.lease_s, &self.addresses)
+    }
+}
+
+/// The environment of this process with this lease, s, on the networks of these addresses; on all where there are none.
+pub fn environment(lease_s: f64, addresses: &[IpAddr]) -> anyhow::Result<Environment> {
+    expect((1.0..=3600.0).contains(&lease_s), || format!("--lease is {lease_s}: expected 1 to 3600 s"))?;
+    let environment = Environment::of_process()?;
+    let only_networks = if addresses.is_empty() { environment.only_networks.clone() } else { Some(addresses.to_vec()) };
+    Ok(Environment { lease: Duration::from_secs_f64(lease_s), only_networks, ..environment })
+}

@@ -1,0 +1,74 @@
+//! What is wrong with inputs and node while it runs, as flags that the threads share: `sim/status` has them with each state.
+
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use super::core::NodeInput;
+
+/// The flags of each input and of the node.
+#[derive(Debug, Default)]
+pub struct Health {
+    inputs: [AtomicU8; NodeInput::COUNT],
+    node: AtomicU8,
+}
+
+/// The flags at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HealthFlags {
+    /// Of each input.
+    pub inputs: [u8; NodeInput::COUNT],
+    /// Of the node.
+    pub node: u8,
+}
+
+impl Health {
+    /// Two publishers of an input say different things.
+    pub const COMPETING: u8 = 1;
+    /// Stamps are older than `max_stamp_age`, or as far ahead; such samples are refused.
+    pub const STAMP_OLD: u8 = 2;
+    /// Samples arrive and their stamp stands still.
+    pub const STAMP_STANDS: u8 = 4;
+    /// Stamps are more than 10 s from the node's time.
+    pub const STAMP_FAR: u8 = 8;
+    /// Another node has this node's name.
+    pub const NAME_TAKEN: u8 = 16;
+    /// The fail-safe tripped, and the trip waits for `~/reset_trip`.
+    pub const LATCHED: u8 = 32;
+
+    /// Sets the flags of an input.
+    pub fn set(&self, input: NodeInput, flags: u8) {
+        self.inputs[input as usize].store(flags, Ordering::Relaxed);
+    }
+
+    /// Sets the flags of the node.
+    pub fn set_node(&self, flags: u8) {
+        self.node.store(flags, Ordering::Relaxed);
+    }
+
+    /// The flags now.
+    #[must_use]
+    pub fn flags(&self) -> HealthFlags {
+        let inputs = NodeInput::ALL.map(|input| self.inputs[input as usize].load(Ordering::Relaxed));
+        HealthFlags { inputs, node: self.node.load(Ordering::Relaxed) }
+    }
+}
+
+impl HealthFlags {
+    /// All of them together.
+    #[must_use]
+    pub fn all(&self) -> u8 {
+        self.inputs.iter().fold(self.node, |all, flags| all | flags)
+    }
+
+    /// How bad the flags of an input are, and what they mean.
+    #[must_use]
+    pub fn of(&self, input: NodeInput) -> Option<(u8, &'static str)> {
+        let meanings = [
+            (Health::COMPETING, 2, "two publishers say different things; the newest sample is used"),
+            (Health::STAMP_OLD, 2, "stamps older than max_stamp_age, or as far ahead: refused"),
+            (Health::STAMP_STANDS, 2, "samples arrive and their stamp stands still"),
+            (Health::STAMP_FAR, 1, "stamps are more than 10 s from the node's time"),
+        ];
+        let flags = self.inputs[input as usize];
+        meanings.into_iter().find(|(flag, ..)| flags & flag != 0).map(|(_, level, words)| (level, words))
+    }
+}

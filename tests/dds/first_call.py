@@ -1,0 +1,69 @@
+#!/usr/bin/env python3
+"""The first call of clients that call as soon as they see the service, from a participant that is new each time: every one is answered.
+
+Usage: first_call.py GOVTWIN FOLDER   (needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain; logs go to FOLDER)
+CALLS is how many (50). Exits 0 when everything was as it should be, 1 otherwise, 77 without cyclonedds.
+"""
+
+import os
+import sys
+import time
+
+from bench import DOMAIN, RELIABLE, check, wait_for, whole, FAILED
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+import types_ros as ros
+from faults import Node
+
+CALLS = int(os.environ.get("CALLS", "50"))
+SERVICES = [
+    ("get_parameters", ros.GetParametersRequest, ros.GetParametersResponse, (["rate"],)),
+    ("step_simulation", ros.StepRequest, ros.StepResponse, (1,)),
+    ("get_simulation_state", ros.GetStateRequest, ros.GetStateResponse, (0,)),
+]
+
+
+def first_call(number):
+    """Seconds until the answer of a new client's first call; None where there was none."""
+    name, request, response, fields = SERVICES[number % len(SERVICES)]
+    participant = DomainParticipant(DOMAIN)
+    reply = DataReader(participant, Topic(participant, f"rr/govtwin/{name}Reply", response), qos=RELIABLE)
+    call = DataWriter(participant, Topic(participant, f"rq/govtwin/{name}Request", request), qos=RELIABLE)
+
+    def ready():
+        try:
+            return call.get_matched_subscriptions() and reply.get_matched_publications()
+        except IndexError:
+            # Another one was matched between the count and the list.
+            return False
+
+    until = time.monotonic() + 10
+    while not ready() and time.monotonic() < until:
+        time.sleep(0.0002)
+    begin = time.monotonic()
+    call.write(request(0x0102030405060708, number, *fields))
+    while time.monotonic() < begin + 2:
+        if any(sample.number == number for sample in whole(reply.take(20))):
+            return time.monotonic() - begin
+        time.sleep(0.0005)
+    return None
+
+
+def main():
+    node = Node(sys.argv[1], os.path.join(sys.argv[2], "first_call.txt"), "--paused", "--publish-clock")
+    try:
+        time.sleep(1.0)
+        took = [first_call(number) for number in range(CALLS)]
+        answered = [seconds for seconds in took if seconds is not None]
+        check(f"{CALLS} first calls of new clients are answered", len(answered) == CALLS,
+              f"({len(answered)} answered, the slowest after {1e3 * max(answered, default=0):.0f} ms)")
+    finally:
+        check("the node ends in order", node.end())
+    print(f"{len(FAILED)} failed")
+    return 1 if FAILED else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
