@@ -199,7 +199,7 @@ mod tests {
             ),
             (
                 json!({"verdict": "named", "effects": [{"id": "backlash", "parameters": [{"name": "play_pu", "value": 9e99, "ci90": [0.1, 0.2]}]}]}),
-                "effects[0].parameters[0]: expected a value in its interval [0.1, 0.2], found 9e99",
+                "effects[0].parameters[0]: expected a value in its interval [0.1, 0.2], found 9e+99",
             ),
             (
                 json!({"gap": {"closure": {"ci90": [0.9, 0.1]}}}),

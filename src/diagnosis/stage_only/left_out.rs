@@ -27,7 +27,11 @@ pub(crate) fn add(table: &mut EvidenceTable, problem: &Problem, found: &Explored
     let rows: Vec<usize> = order.into_iter().enumerate().filter(tried).map(|(_, row)| row).collect();
     let squares: Vec<(usize, f64)> = rows
         .into_par_iter()
-        .filter_map(|row| Some((row, square(problem, &found.hypotheses.get(row)?.model)?)))
+        .filter_map(|row| {
+            // A set far from the leader is kept without its slopes.
+            let model = found.hypotheses.get(row).map(|one| &one.model).filter(|one| !one.fit.slopes.is_empty())?;
+            Some((row, square(problem, model)?))
+        })
         .collect();
     for (row, square) in squares {
         table.rows[row].left_out_square = Some(square);
