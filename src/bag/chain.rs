@@ -120,6 +120,11 @@ fn span(ends: Option<[f64; 2]>) -> f64 {
     ends.map_or(0.0, |[least, most]| most - least)
 }
 
+/// Whether a command presses the servomotor into a stop, where it rests.
+fn is_pressed(servo: f64, command: f64) -> bool {
+    (servo < 0.02 && command < servo) || (servo > 0.98 && command > servo)
+}
+
 impl ChainEvidence {
     /// Takes a row.
     pub(crate) fn row(&mut self, frame: &Frame) {
@@ -180,7 +185,9 @@ impl ChainEvidence {
             return;
         }
         self.speed = step / step_s;
-        if from.normal && normal && from.error.abs() > ASKS_PU && from.error.is_finite() {
+        let asks = from.error.abs() > ASKS_PU && from.error.is_finite();
+        // Noise goes to and fro where a stop holds the servomotor.
+        if from.normal && normal && asks && !is_pressed(from.position, from.position + from.error) {
             let towards = step * from.error > 0.0;
             *(if towards { &mut self.towards } else { &mut self.away }) += step.abs();
         }
@@ -237,9 +244,7 @@ impl ChainEvidence {
         }
         let Some(run) = &mut self.rest else { return };
         (run.least, run.most) = (run.least.min(servo), run.most.max(servo));
-        // Pressed into a stop it rests there.
-        let pressed = (servo < 0.02 && command < servo) || (servo > 0.98 && command > servo);
-        if (command - servo).abs() < REST_PU || command.is_nan() || pressed {
+        if (command - servo).abs() < REST_PU || command.is_nan() || is_pressed(servo, command) {
             run.away_since_ns = None;
             return;
         }

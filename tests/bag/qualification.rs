@@ -208,8 +208,8 @@ fn frozen_and_saturated_signals_are_told() {
     only(&health, Kind::Frozen, Severity::Warning, &words);
     let health = read(&plant(60, |_, row| row.servomotor = 0.4));
     only(&health, Kind::Impossible, Severity::Disqualified, &["rests at 40.0 %", "a channel is stuck"]);
-    let health = read(&plant(60, |_, row| row.servomotor = row.servomotor.min(0.7)));
-    only(&health, Kind::Saturated, Severity::Warning, &["samples are 0.7 pu exactly, the end of its range"]);
+    let health = read(&plant(60, |_, row| row.servomotor = row.servomotor.min(0.77)));
+    only(&health, Kind::Saturated, Severity::Warning, &["samples are 0.77 pu exactly, the end of its range"]);
     // The end of the stroke may be the plant's own.
     let health = read(&plant(60, |_, row| row.servomotor = (0.9995 + noise(row.log_ns)).min(1.0)));
     only(&health, Kind::Saturated, Severity::Note, &["samples are 1 pu exactly"]);
