@@ -96,14 +96,18 @@ fn least(profile: &[ProfilePlace]) -> f64 {
     profile.iter().map(|place| place.promised).fold(f64::INFINITY, f64::min)
 }
 
+/// The lowest place of a profile, and those on either side of it.
+fn lowest_place(profile: &[ProfilePlace]) -> Option<(usize, impl Iterator<Item = usize> + use<>)> {
+    let best = (0..profile.len()).min_by(|&a, &b| profile[a].promised.total_cmp(&profile[b].promised))?;
+    let neighbours = [best.checked_sub(1), (best + 1 < profile.len()).then_some(best + 1)];
+    Some((best, neighbours.into_iter().flatten()))
+}
+
 /// Sizes half-way, in their logarithm, from the lowest place of a profile to its neighbours.
 fn closer(model: &FittedModel, catalogue: &[&'static EffectSpec], profile: &[ProfilePlace]) -> Vec<ProfilePlace> {
-    let Some(best) = (0..profile.len()).min_by(|&a, &b| profile[a].promised.total_cmp(&profile[b].promised)) else {
-        return Vec::new();
-    };
+    let Some((best, neighbours)) = lowest_place(profile) else { return Vec::new() };
     let Atom::Sized { effect, variant } = profile[best].atom else { return Vec::new() };
-    let neighbours = [best.checked_sub(1), (best + 1 < profile.len()).then_some(best + 1)];
-    let between = neighbours.into_iter().flatten().filter_map(|other| {
+    let between = neighbours.filter_map(|other| {
         let size = (profile[other].size() * variant.size).sqrt().copysign(variant.size);
         added(model, catalogue, effect, Variant { size, ..variant })
     });
@@ -162,9 +166,8 @@ impl ProfilePlace {
 fn lowest(profile: Vec<ProfilePlace>, hopeless: f64) -> Vec<ProfilePlace> {
     let cost = |k: usize| profile[k].promised;
     let mut kept = vec![0];
-    if let Some(best) = (0..profile.len()).min_by(|&a, &b| cost(a).total_cmp(&cost(b))) {
-        let neighbours = [best.checked_sub(1), (best + 1 < profile.len()).then_some(best + 1)];
-        let beside = neighbours.into_iter().flatten().min_by(|&a, &b| cost(a).total_cmp(&cost(b)));
+    if let Some((best, neighbours)) = lowest_place(&profile) {
+        let beside = neighbours.min_by(|&a, &b| cost(a).total_cmp(&cost(b)));
         kept.extend(std::iter::once(best).chain(beside).filter(|&k| cost(k) < hopeless));
     }
     let kept = |k: &usize| kept.contains(k);
