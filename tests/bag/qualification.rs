@@ -211,7 +211,8 @@ fn frozen_and_saturated_signals_are_told() {
     let health = read(&plant(60, |_, row| row.servomotor = row.servomotor.min(0.77)));
     only(&health, Kind::Saturated, Severity::Warning, &["samples are 0.77 pu exactly, the end of its range"]);
     // The end of the stroke may be the plant's own.
-    let health = read(&plant(60, |_, row| row.servomotor = (0.9995 + noise(row.log_ns)).min(1.0)));
+    let opened = |_, row: &mut Row| (row.opening, row.servomotor) = (1.0, (0.9995 + noise(row.log_ns)).min(1.0));
+    let health = read(&plant(60, opened));
     only(&health, Kind::Saturated, Severity::Note, &["samples are 1 pu exactly"]);
     let health = read(&plant(5, |_, row| row.pressure_pa = 6.3e6));
     only(&health, Kind::Constant, Severity::Note, &["/governor/tank_pressure: is 6300000 Pa in every sample"]);

@@ -8,6 +8,7 @@ use rayon::iter::{
     IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelExtend, ParallelIterator,
 };
 
+use crate::estimation::annealing::annealed;
 use crate::estimation::coordinate::Coordinate;
 use crate::estimation::fit::{Effort, Fit, Start, fit_all};
 use crate::evidence::{KAPPAS, NormalEquations, Shared};
@@ -278,7 +279,27 @@ impl<'a> Explorer<'a> {
     /// Fits hypotheses on with care.
     pub(super) fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
         let starts: Vec<Start<'_, FreeParameter>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
-        self.better(chosen, fit_all(self.problem, &starts), true)
+        let mut refined = self.better(chosen, fit_all(self.problem, &starts), true);
+        if is_stage_alone(self.problem) {
+            refined =
+                refined.into_iter().map(|one| if one.effects.len() == 1 { self.cooled(one) } else { one }).collect();
+        }
+        refined
+    }
+
+    /// A single effect of a stage alone, cooled from where it stands and from the sheet: where all parameters are free, one effect's fit strands where
+    /// another one's begins.
+    fn cooled(&self, one: Hypothesis) -> Hypothesis {
+        let model = &one.model;
+        let mut from_sheet = model.fit.positions.clone();
+        from_sheet[..self.nominal.free_parameters.len()].fill(0.0);
+        let starts = [model.fit.positions.clone(), from_sheet];
+        let fits = annealed(self.problem, &model.base, &model.free_parameters, &starts, CAREFUL.rounds);
+        let Some(best) = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost())) else {
+            return one;
+        };
+        let better = model.or_better(best);
+        self.hypothesis(one.effects, better, true)
     }
 
     /// Hypotheses with fits that went on from them, where these are better.
