@@ -143,18 +143,34 @@ fn a_part_that_does_not_follow_its_input_is_not_nothing() {
     assert_eq!(likeliest.0, "spool");
 }
 
-/// Of a stage alone what fits better and predicts worse what was left out of the fit is not the likelier.
+/// Of a stage alone with a data sheet what fits better and predicts worse what was left out of the fit is not the likelier.
 #[test]
 fn pieces_left_out_count() {
     let of = |square: f64| {
         let left_out = |square, row| EvidenceRow { left_out_square: Some(square), ..row };
         let rows = vec![left_out(square, row(&["load"], 100.0)), left_out(1e-6, row(&[], 118.0))];
-        let stage_alone = Some(StageEvidence { sheet: false, pieces: 6 });
+        let stage_alone = Some(StageEvidence { sheet: true, pieces: 6 });
         let table = EvidenceTable { stage_alone, ..table(100.0, rows) };
         let posterior = shipped(&table);
         posterior.nothing(&table) / posterior.inclusion(&table, "load")
     };
     assert!(of(2e-5) > 10.0 * of(1e-6), "{} {}", of(1e-6), of(2e-5));
+}
+
+/// What fits as well with a sheet far off is doubted, the more the farther; a sheet within its tolerances is not.
+#[test]
+fn a_stretched_sheet_is_doubted() {
+    let of = |strain: f64| {
+        let named = EvidenceRow { prior_per_parameter: strain, ..row(&["backlash"], 1600.0) };
+        shipped(&table(1600.0, vec![named, row(&[], 9000.0)])).unknown()
+    };
+    assert!(
+        of(1.0) < 0.01 && of(1.0) < of(3.0) && of(3.0) < of(13.0) && of(13.0) > 0.8,
+        "{} {} {}",
+        of(1.0),
+        of(3.0),
+        of(13.0)
+    );
 }
 
 #[test]
