@@ -112,6 +112,11 @@ def unicast(binary, folder):
     if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
         print("skipped: needs root and /dev/net/tun")
         return
+    # As rmw_cyclonedds has it beside static peers: a participant at the port of its index, where a list of hosts can reach it.
+    os.environ["CYCLONEDDS_URI"] = (
+        "<CycloneDDS><Domain><Discovery><ParticipantIndex>auto</ParticipantIndex><LeaseDuration>2s</LeaseDuration>"
+        "</Discovery></Domain></CycloneDDS>"
+    )
     for peers in ("", "10.99.7.2"):
         network = Network("gtu")
         network.unicast_only = True
@@ -129,6 +134,7 @@ def unicast(binary, folder):
             check("the node ends in order", node.end())
             network.close()
             del os.environ["ROS_STATIC_PEERS"]
+    del os.environ["CYCLONEDDS_URI"]
 
 
 def resources(node):

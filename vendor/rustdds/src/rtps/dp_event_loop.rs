@@ -1150,6 +1150,8 @@ impl DPEventLoop {
         destinations.extend(spdp_peer_locators(*host, domain_id, SPDP_LOCALHOST_PEER_COUNT));
       }
       new_writer.set_extra_unicast_destinations(destinations);
+    } else {
+      new_writer.set_prefer_unicast(!self.initial_peers.is_empty());
     }
 
     // The doorbell is a shared ready-queue plus the poll waker, not a

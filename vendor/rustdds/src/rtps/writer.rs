@@ -198,6 +198,7 @@ pub(crate) struct Writer {
   // locators discovered from peers, these are unconditional (they are how we
   // bootstrap same-host discovery in the first place). See
   // `src/rtps/loopback_same_host_design.md`.
+  prefer_unicast: bool,
   extra_unicast_destinations: Vec<Locator>,
 
   // Whether route selection may prefer a same-host peer's loopback locator.
@@ -347,6 +348,7 @@ impl Writer {
       matched_readers_count_total: 0,
       requested_incompatible_qos_count: 0,
       udp_sender,
+      prefer_unicast: false,
       extra_unicast_destinations: Vec::new(),
       prefer_loopback_same_host: true,
       interface_observations,
@@ -1823,6 +1825,7 @@ impl Writer {
     readers: &mut dyn Iterator<Item = &RtpsReaderProxy>,
     class: TrafficClass,
   ) -> BTreeSet<SocketId> {
+    let preferred_mode = if self.prefer_unicast { DeliveryMode::Unicast } else { preferred_mode };
     // Interface-aware transmit (see src/rtps/transmit_design.md): each reader
     // carries a pre-resolved `SendRoute`. When the route is known we emit a
     // single datagram per distinct destination (`RouteKey`), targeting one
@@ -1991,6 +1994,11 @@ impl Writer {
           debug!("send_status - status receiver is disconnected");
         }
       });
+  }
+
+  /// Where hosts are named because no multicast passes, all goes by unicast.
+  pub(crate) fn set_prefer_unicast(&mut self, prefer: bool) {
+    self.prefer_unicast = prefer;
   }
 
   /// Set the fixed unicast destinations every outgoing message is also sent to
