@@ -281,15 +281,17 @@ impl<'a> Explorer<'a> {
         let starts: Vec<Start<'_, FreeParameter>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
         let mut refined = self.better(chosen, fit_all(self.problem, &starts), true);
         if is_stage_alone(self.problem) {
-            refined =
-                refined.into_iter().map(|one| if one.effects.len() == 1 { self.cooled(one) } else { one }).collect();
+            refined = refined
+                .into_iter()
+                .map(|one| if one.effects.len() == 1 { self.annealed_single(one) } else { one })
+                .collect();
         }
         refined
     }
 
-    /// A single effect of a stage alone, cooled from where it stands and from the sheet: where all parameters are free, one effect's fit strands where
+    /// A single effect of a stage alone, annealed from where it stands and from the sheet: where all parameters are free, one effect's fit strands where
     /// another one's begins.
-    fn cooled(&self, one: Hypothesis) -> Hypothesis {
+    fn annealed_single(&self, one: Hypothesis) -> Hypothesis {
         let model = &one.model;
         let mut from_sheet = model.fit.positions.clone();
         from_sheet[..self.nominal.free_parameters.len()].fill(0.0);
