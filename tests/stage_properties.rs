@@ -259,15 +259,18 @@ fn crane_path() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/bags/real/crane.mcap")
 }
 
+/// The measured crane.
+fn crane() -> Recording {
+    let required = vec![govtwin_bag::Stream::ServoState];
+    let options = govtwin_bag::ReadOptions { required, ..govtwin_bag::ReadOptions::default() };
+    govtwin_bag::read(&crane_path(), &options).unwrap().recording
+}
+
 /// `scripts/test` runs this where the recording is at hand, and says so where it is not.
 #[test]
 #[ignore = "needs ../shared/bags/real/crane.mcap"]
 fn the_cranes_verdict_holds_in_any_unit_at_any_sign_and_rate() {
-    let options = govtwin_bag::ReadOptions {
-        required: vec![govtwin_bag::Stream::ServoState],
-        ..govtwin_bag::ReadOptions::default()
-    };
-    let crane = govtwin_bag::read(&crane_path(), &options).unwrap().recording;
+    let crane = crane();
     let every_other_fast_turned = in_units(&at_rates(&quickened(&crane, 10), 2, 2), [-40.0, 7.0], [0.02, -3.0]);
     let variants = [
         ("turned and in other units", in_units(&crane, [-40.0, 7.0], [0.02, -3.0])),
@@ -304,11 +307,7 @@ fn the_cranes_verdict_holds_in_any_unit_at_any_sign_and_rate() {
 #[test]
 #[ignore = "does not hold yet; needs ../shared/bags/real/crane.mcap"]
 fn a_crane_thirty_times_as_slow_keeps_its_verdict() {
-    let options = govtwin_bag::ReadOptions {
-        required: vec![govtwin_bag::Stream::ServoState],
-        ..govtwin_bag::ReadOptions::default()
-    };
-    let said = freely(vec![stretched(&govtwin_bag::read(&crane_path(), &options).unwrap().recording, 30)]);
+    let said = freely(vec![stretched(&crane(), 30)]);
     assert_eq!(said.verdict, Verdict::Class, "{}", shown(&said));
 }
 
@@ -316,11 +315,7 @@ fn a_crane_thirty_times_as_slow_keeps_its_verdict() {
 #[test]
 #[ignore = "does not hold yet; needs ../shared/bags/real/crane.mcap"]
 fn a_crane_a_hundred_times_as_fast_keeps_its_verdict() {
-    let options = govtwin_bag::ReadOptions {
-        required: vec![govtwin_bag::Stream::ServoState],
-        ..govtwin_bag::ReadOptions::default()
-    };
-    let said = freely(vec![quickened(&govtwin_bag::read(&crane_path(), &options).unwrap().recording, 100)]);
+    let said = freely(vec![quickened(&crane(), 100)]);
     assert!(matches!(said.verdict, Verdict::Named | Verdict::Class), "{}", shown(&said));
 }
 
@@ -350,11 +345,7 @@ fn the_cranes_improved_twin_replays_it_in_its_own_numbers() {
     let dir = tempfile::tempdir().unwrap();
     let path = crane_path().display().to_string();
     let plain = r2_of_the_improved_twin(dir.path(), &[&path]);
-    let options = govtwin_bag::ReadOptions {
-        required: vec![govtwin_bag::Stream::ServoState],
-        ..govtwin_bag::ReadOptions::default()
-    };
-    let crane = in_units(&govtwin_bag::read(&crane_path(), &options).unwrap().recording, [-40.0, 7.0], [0.02, -3.0]);
+    let crane = in_units(&crane(), [-40.0, 7.0], [0.02, -3.0]);
     let mut text = "t,u,y\n".to_owned();
     for frame in &crane.frames {
         let Signals { spool_position_pu, servomotor_position_pu, .. } = frame.measured;

@@ -198,8 +198,10 @@ pub(crate) struct Writer {
   // locators discovered from peers, these are unconditional (they are how we
   // bootstrap same-host discovery in the first place). See
   // `src/rtps/loopback_same_host_design.md`.
-  prefer_unicast: bool,
   extra_unicast_destinations: Vec<Locator>,
+
+  // Whether hosts are named because no multicast passes.
+  prefer_unicast: bool,
 
   // Whether route selection may prefer a same-host peer's loopback locator.
   // Mirrors the participant-builder `same_host_loopback` knob; `true` by
