@@ -74,9 +74,20 @@ pub use govtwin_model::parameters::{
     ChannelReading, ChannelReadings, EffectSetting, OwnEffect, OwnParameter, Parameters, Sensor, Sensors, Tolerance,
     Unit,
 };
-pub use govtwin_model::params::{
-    FileProblem, Overlay, ParamsError, load as load_unit, reference as reference_unit, write as write_unit,
-};
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("unit.yaml");
+/// std::fs::write(&path, "oil: {density_kg_m3: {value: 865.0, unit: kg/m3}}\neffects: {backlash: {play_pu: 0.002}}\n")?;
+/// let unit = govtwin::load_unit(&path)?;
+/// assert_eq!(unit.parameters.oil.density_kg_m3, 865.0);
+/// assert_eq!(unit.effects[0].values, [0.002]);
+///
+/// std::fs::write(&path, "oil: {densty_kg_m3: 865.0}\n")?;
+/// assert!(govtwin::load_unit(&path).unwrap_err().to_string().contains("did you mean"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub use govtwin_model::params::load as load_unit;
+pub use govtwin_model::params::{FileProblem, Overlay, ParamsError, reference as reference_unit, write as write_unit};
 
 // The row that flows, and recordings of it.
 /// ```
@@ -99,16 +110,41 @@ pub use govtwin_model::signal::Signal;
 
 // The twin, and how far it is from what was measured.
 pub use govtwin_model::metrics::Figures;
-pub use govtwin_model::replay::{Replayed, Scores, replay};
+/// ```
+/// use govtwin::{ReadOptions, Signal, read_bag, reference_unit, replay};
+///
+/// let loaded = read_bag("bags/reference/load_increase_01.mcap".as_ref(), &ReadOptions::default())?; // synthetic
+/// let replayed = replay(&reference_unit(), loaded.recording);
+/// assert_eq!(replayed.estimates.len(), replayed.recording.frames.len());
+/// assert!(replayed.scores.figures(Signal::ServomotorPosition).r2 > 0.99);
+/// # Ok::<(), govtwin::BagError>(())
+/// ```
+pub use govtwin_model::replay::replay;
+pub use govtwin_model::replay::{Replayed, Scores};
 pub use govtwin_model::solver::Method;
 pub use govtwin_model::twin::{Cut, Twin};
 
 // Why a unit differs from its twin.
+/// ```no_run
+/// use govtwin::{DiagnosisSettings, ReadOptions, Verdict, diagnose, diagnosis_text, read_bag, reference_unit};
+///
+/// let bags = ["startup.mcap", "load_increase.mcap", "load_rejection.mcap"];
+/// let read = |bag: &&str| read_bag(bag.as_ref(), &ReadOptions::default()).map(|loaded| loaded.recording);
+/// let recordings = bags.iter().map(read).collect::<Result<_, _>>()?;
+/// let diagnosis = diagnose(recordings, &reference_unit(), &DiagnosisSettings::default(), &|_, _| ())?;
+/// if diagnosis.verdict == Verdict::Named {
+///     let ids: Vec<&str> = diagnosis.blamed.iter().map(|effect| effect.id.as_str()).collect();
+///     println!("{} explains {:.0} % of the gap", ids.join(" and "), 100.0 * diagnosis.explained_fraction.value);
+/// }
+/// println!("{}", diagnosis_text(&diagnosis, 100));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub use govtwin_diagnosis::diagnose;
 pub use govtwin_diagnosis::result::schema::DiagnosisReport;
 pub use govtwin_diagnosis::result::{
     Blame, Diagnosis, Experiment, Fitted, Interval, JudgedBy, Ranked, SignalGap, Verdict,
 };
-pub use govtwin_diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
+pub use govtwin_diagnosis::{DiagnosisError, DiagnosisSettings};
 pub use govtwin_model::provenance::Provenance;
 pub use govtwin_pages::diagnosis::{page as diagnosis_page, summary as diagnosis_text};
 pub use govtwin_pages::draw::DrawError;

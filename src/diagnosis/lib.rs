@@ -48,7 +48,7 @@ use govtwin_model::signal::Signal;
 /// What to try.
 ///
 /// ```
-/// use govtwin::DiagnosisSettings;
+/// use govtwin_diagnosis::DiagnosisSettings;
 ///
 /// let mut settings = DiagnosisSettings::default();
 /// settings.catalogue.retain(|effect| effect.id != "backlash"); // the owner knows that there is none
@@ -101,28 +101,14 @@ pub enum DiagnosisError {
 /// # Errors
 /// With too few samples, or nothing to try.
 ///
-/// ```no_run
-/// use govtwin::{DiagnosisSettings, ReadOptions, Verdict, diagnose, diagnosis_text, read_bag, reference_unit};
-///
-/// let bags = ["startup.mcap", "load_increase.mcap", "load_rejection.mcap"];
-/// let read = |bag: &&str| read_bag(bag.as_ref(), &ReadOptions::default()).map(|loaded| loaded.recording);
-/// let recordings = bags.iter().map(read).collect::<Result<_, _>>()?;
-/// let diagnosis = diagnose(recordings, &reference_unit(), &DiagnosisSettings::default(), &|_, _| ())?;
-/// if diagnosis.verdict == Verdict::Named {
-///     let ids: Vec<&str> = diagnosis.blamed.iter().map(|effect| effect.id.as_str()).collect();
-///     println!("{} explains {:.0} % of the gap", ids.join(" and "), 100.0 * diagnosis.explained_fraction.value);
-/// }
-/// println!("{}", diagnosis_text(&diagnosis, 100));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-///
 /// Recordings that say nothing are refused:
 ///
 /// ```
-/// use govtwin::{DiagnosisError, DiagnosisSettings, Recording, diagnose, reference_unit};
+/// use govtwin_diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
+/// use govtwin_model::{params::reference, recording::Recording};
 ///
 /// let empty = vec![Recording::new("empty", vec![])];
-/// let error = diagnose(empty, &reference_unit(), &DiagnosisSettings::default(), &|_, _| ()).unwrap_err();
+/// let error = diagnose(empty, &reference(), &DiagnosisSettings::default(), &|_, _| ()).unwrap_err();
 /// assert!(matches!(error, DiagnosisError::Unusable(_)));
 /// ```
 pub fn diagnose(

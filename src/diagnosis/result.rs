@@ -33,7 +33,7 @@ pub use crate::result::traces::Trace;
 /// The six things that a diagnosis may say.
 ///
 /// ```
-/// use govtwin::Verdict;
+/// use govtwin_diagnosis::result::Verdict;
 ///
 /// assert_eq!(Verdict::ALL.map(Verdict::id)[..3], ["named", "class", "unknown"]);
 /// ```

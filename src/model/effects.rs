@@ -249,12 +249,12 @@ impl EffectSpec {
 /// Every effect that the twin can switch on, by stage along the chain.
 ///
 /// ```
-/// use govtwin::{CATALOGUE, Stage};
+/// use govtwin_model::effects::{CATALOGUE, Stage};
 ///
 /// let friction = CATALOGUE.iter().find(|effect| effect.id == "spool_friction").expect("it is in the catalogue");
 /// assert_eq!(friction.stage, Stage::Spool);
 /// assert_eq!(friction.parameters.iter().map(|one| (one.name, one.unit)).collect::<Vec<_>>(), [("coulomb_n", "N"), ("static_ratio", "1")]);
-/// println!("{}", friction.documentation.equation);
+/// println!("{}", friction.head().equation);
 /// ```
 pub const CATALOGUE: &[EffectSpec] = &[
     command_delay::SPEC,

@@ -223,7 +223,7 @@ pub struct EffectSetting {
 /// [`Unit::with_own_effect`] checks it; `docs/own_effect.md` lists points, names and functions, and `examples/own_effect.rs` holds a whole one.
 ///
 /// ```
-/// use govtwin::{OwnEffect, OwnParameter, reference_unit};
+/// use govtwin_model::parameters::{OwnEffect, OwnParameter};
 ///
 /// let leak = OwnEffect {
 ///     id: "drain_leak".to_owned(),
@@ -241,7 +241,7 @@ pub struct EffectSetting {
 ///         doc: "leakage coefficient".to_owned(),
 ///     }],
 /// };
-/// let unit = reference_unit().with_own_effect(leak)?.with_effect("drain_leak", &[("a", 5.0e-12)])?;
+/// let unit = govtwin_model::params::reference().with_own_effect(leak)?.with_effect("drain_leak", &[("a", 5.0e-12)])?;
 /// assert_eq!(unit.effects[0].values, [5.0e-12]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

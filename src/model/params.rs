@@ -57,7 +57,7 @@ static SHIPPED: LazyLock<Sheet> = LazyLock::new(|| read_reference().expect("the 
 /// The reference unit as shipped with the program: a full-sized governor, of which the shipped recordings are simulated.
 ///
 /// ```
-/// let unit = govtwin::reference_unit();
+/// let unit = govtwin_model::params::reference();
 /// assert!(unit.effects.is_empty() && unit.parameters.servomotor.stroke_m > 0.0);
 /// ```
 #[must_use]
@@ -76,19 +76,6 @@ pub fn reference_sheet() -> Sheet {
 /// # Errors
 /// When the file or one of its bases cannot be read, or holds anything that is not right; all
 /// problems of a file come at once.
-///
-/// ```
-/// # let folder = tempfile::tempdir()?;
-/// # let path = folder.path().join("unit.yaml");
-/// std::fs::write(&path, "oil: {density_kg_m3: {value: 865.0, unit: kg/m3}}\neffects: {backlash: {play_pu: 0.002}}\n")?;
-/// let unit = govtwin::load_unit(&path)?;
-/// assert_eq!(unit.parameters.oil.density_kg_m3, 865.0);
-/// assert_eq!(unit.effects[0].values, [0.002]);
-///
-/// std::fs::write(&path, "oil: {densty_kg_m3: 865.0}\n")?;
-/// assert!(govtwin::load_unit(&path).unwrap_err().to_string().contains("did you mean"));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub fn load(path: &Path) -> Result<Unit, ParamsError> {
     load_sheet(path).map(|sheet| sheet.unit)
 }

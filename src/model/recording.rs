@@ -109,7 +109,8 @@ impl ProcessWatch {
 /// Frames in strictly rising time order, with a name for people.
 ///
 /// ```
-/// use govtwin::{EsvState, Frame, Inputs, Process, Recording, Signals};
+/// use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+/// use govtwin_model::recording::{Process, Recording};
 ///
 /// let row = |time_ns, esv| Frame {
 ///     time_ns,

@@ -31,16 +31,6 @@ pub fn simulate(twin: &mut Twin, recording: &Recording) -> Vec<Estimate> {
 
 /// Runs a recording through the twin of a unit, closed loop from its first row, and compares: estimates row by row, and how far they are from what
 /// was measured. Deterministic; [`Replayed::new`] takes a twin with a cut or another method.
-///
-/// ```
-/// use govtwin::{ReadOptions, Signal, read_bag, reference_unit, replay};
-///
-/// let loaded = read_bag("bags/reference/load_increase_01.mcap".as_ref(), &ReadOptions::default())?; // synthetic
-/// let replayed = replay(&reference_unit(), loaded.recording);
-/// assert_eq!(replayed.estimates.len(), replayed.recording.frames.len());
-/// assert!(replayed.scores.figures(Signal::ServomotorPosition).r2 > 0.99);
-/// # Ok::<(), govtwin::BagError>(())
-/// ```
 #[must_use]
 pub fn replay(unit: &Unit, recording: Recording) -> Replayed {
     Replayed::new(&mut Twin::new(unit), recording)

@@ -7,7 +7,7 @@ use crate::stored::held_by_id;
 /// One of the signals that a recording may hold and a twin simulates.
 ///
 /// ```
-/// use govtwin::{Signal, Signals};
+/// use govtwin_model::{frame::Signals, signal::Signal};
 ///
 /// let row = Signal::SpoolPosition.with(Signals::NONE, 0.25);
 /// assert_eq!(Signal::SpoolPosition.of(&row), 0.25);

@@ -27,9 +27,10 @@ use tick::{Chain, Seen, Setting, TickReads, large_loop, tick};
 /// Where recorded signals replace simulated ones, so that one stage is evaluated with its own input.
 ///
 /// ```
-/// use govtwin::{Cut, Twin, reference_unit};
+/// use govtwin_model::params::reference;
+/// use govtwin_model::twin::{Cut, Twin};
 ///
-/// assert_eq!(Twin::new(&reference_unit()).with_cut(Cut::Spool).cut(), Cut::Spool);
+/// assert_eq!(Twin::new(&reference()).with_cut(Cut::Spool).cut(), Cut::Spool);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Cut {
@@ -53,9 +54,10 @@ pub enum Cut {
 /// A step allocates nothing, cannot fail and takes about 1/8000 of the time that it simulates. Twins are cheap to clone: plants are shared.
 ///
 /// ```
-/// use govtwin::{EsvState, Frame, Inputs, Signals, Twin, reference_unit};
+/// use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+/// use govtwin_model::{params::reference, twin::Twin};
 ///
-/// let mut twin = Twin::new(&reference_unit());
+/// let mut twin = Twin::new(&reference());
 /// let frame = |time_s: i64, esv| Frame {
 ///     time_ns: time_s * 1_000_000_000,
 ///     inputs: Inputs { opening_command_pu: 0.6, esv, tank_pressure_pa: 6.0e6, piston_force_n: 0.0 },

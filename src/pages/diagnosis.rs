@@ -33,11 +33,13 @@ mod tests;
 /// Where a picture cannot be drawn.
 ///
 /// ```no_run
-/// use govtwin::{Diagnosis, DiagnosisReport, Provenance, diagnosis_page};
+/// use govtwin_diagnosis::result::{Diagnosis, schema::DiagnosisReport};
+/// use govtwin_model::provenance::Provenance;
+/// use govtwin_pages::diagnosis::page;
 ///
 /// fn keep(diagnosis: &Diagnosis, seconds: f64) -> Result<(), Box<dyn std::error::Error>> {
 ///     let made = Provenance { unit: "unit 3".to_owned(), ..Provenance::default() };
-///     std::fs::write("report.html", diagnosis_page(diagnosis, &made)?.to_html())?;
+///     std::fs::write("report.html", page(diagnosis, &made)?.to_html())?;
 ///     std::fs::write("report.json", DiagnosisReport::of(diagnosis, seconds).json().to_string())?;
 ///     Ok(())
 /// }

@@ -54,12 +54,12 @@ impl Unit {
     /// When no such effect or parameter is known, or a value is outside its physical range.
     ///
     /// ```
-    /// let worn = govtwin::reference_unit().with_effect("spool_friction", &[("coulomb_n", 400.0)])?;
+    /// let worn = govtwin_model::params::reference().with_effect("spool_friction", &[("coulomb_n", 400.0)])?;
     /// assert_eq!(worn.effects[0].values, [400.0, 1.0]); // `static_ratio` was not given
     ///
     /// let error = worn.with_effect("backlash", &[("play_pu", 3.0)]).unwrap_err();
     /// assert_eq!(error.to_string(), "backlash.play_pu: expected 0 to 0.03 pu, found 3");
-    /// # Ok::<(), govtwin::EffectError>(())
+    /// # Ok::<(), govtwin_model::effects::on_unit::EffectError>(())
     /// ```
     pub fn with_effect(mut self, id: &str, values: &[(&str, f64)]) -> Result<Self, EffectError> {
         let Some(spec) = find_in(&self, id) else {
