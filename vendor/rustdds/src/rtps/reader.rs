@@ -1476,7 +1476,7 @@ impl Reader {
       AckNack {
         reader_id: self.entity_id(),
         writer_id: remote_writer_guid.entity_id,
-        reader_sn_state: SequenceNumberSet::new_empty(SequenceNumber::new(1)),
+        reader_sn_state: SequenceNumberSet::new_empty(preemptive_base(remote_writer_guid.prefix)),
         count: acknack_count,
       },
       InfoDestination {
@@ -1500,6 +1500,19 @@ impl Reader {
     })
   }
 } // impl Reader
+
+// Where the empty set of a preemptive ACKNACK begins. Sequence numbers begin at 1,
+// and so does the set (RTPS v2.5 Section 9.4.2.6). FastDDS takes an ACKNACK for
+// preemptive only at 0; at 1 it answers at its next heartbeat period, after 3 s. The
+// first two bytes of a prefix name its vendor (Section 9.3.1.5).
+fn preemptive_base(writer: GuidPrefix) -> SequenceNumber {
+  const FAST_DDS: [u8; 2] = [0x01, 0x0F];
+  SequenceNumber::new(if writer.bytes.starts_with(&FAST_DDS) {
+    0
+  } else {
+    1
+  })
+}
 
 impl HasQoSPolicy for Reader {
   fn qos(&self) -> QosPolicies {
@@ -1905,6 +1918,14 @@ mod tests {
       .matched_writer(writer_guid)
       .expect("Did not find a matched writer");
     assert_eq!(writer_proxy.sent_ack_nack_count, 3);
+  }
+
+  #[test]
+  fn a_preemptive_acknack_is_taken_for_one_by_its_vendor() {
+    let base = |vendor: [u8; 2]| preemptive_base(GuidPrefix::new(&vendor));
+    assert_eq!(base([0x01, 0x0F]), SequenceNumber::new(0), "FastDDS");
+    assert_eq!(base([0x01, 0x10]), SequenceNumber::new(1), "Cyclone DDS");
+    assert_eq!(base([0x01, 0x12]), SequenceNumber::new(1), "RustDDS");
   }
 
   #[test]

@@ -102,10 +102,10 @@ impl RtpsWriterProxy {
     }
   }
 
+  // Counts from 1: FastDDS takes one that is not above 0 for a duplicate.
   pub fn next_ack_nack_sequence_number(&mut self) -> i32 {
-    let c = self.sent_ack_nack_count;
     self.sent_ack_nack_count += 1;
-    c
+    self.sent_ack_nack_count
   }
 
   // Returns a bound, below which everything can be acknowledged, i.e.
