@@ -323,3 +323,23 @@ fn a_stored_replay_is_the_limit_of_the_next_one() {
     std::fs::write(dir.path().join("limits.txt"), limits).unwrap();
     assert_eq!(validated(&["--require", &format!("@{}", at("limits.txt"))]).code, 0);
 }
+
+#[test]
+fn the_page_shows_the_learned_residual_with_its_band_beside_the_twin_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/params/reference_unit.residual");
+    let run = validated(&["--residual", model, "--out", out.to_str().unwrap()]);
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    let page = std::fs::read_to_string(out.join("replay.html")).unwrap();
+    for words in ["twin alone", "with the residual", "90 % band", "with the learned residual"] {
+        assert!(page.contains(words), "{words}");
+    }
+    let figures: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("replay.json")).unwrap()).unwrap();
+    let spool = |group: &serde_json::Value| {
+        let signals = group["signals"].as_array().unwrap();
+        signals.iter().find(|one| one["name"] == "spool_position_pu").unwrap()["rmse"].as_f64().unwrap()
+    };
+    assert!(spool(&figures["residual"]["overall"]) < spool(&figures["overall"]), "the residual helps on its unit");
+}

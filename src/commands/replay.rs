@@ -15,7 +15,6 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use govtwin_bag::{Interpolation, Loaded, Positions, ReadOptions, Stream};
 use govtwin_correction::corrector::Corrector;
-use govtwin_correction::guard::GuardCounts;
 use govtwin_correction::model::Model;
 use govtwin_correction::rate;
 use govtwin_correction::row::RateOfInputs;
@@ -186,13 +185,13 @@ struct Result {
     read: GivenBag,
     /// What the bag with the simulated state says of itself.
     about: BTreeMap<String, String>,
-    corrected: Option<(Replayed, GuardCounts)>,
+    corrected: Option<residual::Corrected>,
 }
 
 impl Result {
     /// What limits are held against: the corrected recording, where there is a residual.
     fn judged(&self) -> &Replayed {
-        self.corrected.as_ref().map_or(&self.replayed, |(corrected, _)| corrected)
+        self.corrected.as_ref().map_or(&self.replayed, |corrected| &corrected.replayed)
     }
 }
 

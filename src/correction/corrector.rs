@@ -92,6 +92,12 @@ impl Corrector {
         self.signal
     }
 
+    /// Share of the measured values that its band is to hold, where it has one.
+    #[must_use]
+    pub fn coverage_share(&self) -> Option<f64> {
+        self.band.map(|band| band.coverage_share)
+    }
+
     /// What the guard did so far.
     #[must_use]
     pub fn counts(&self) -> &GuardCounts {

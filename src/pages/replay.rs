@@ -17,7 +17,7 @@ use govtwin_model::replay::Replayed;
 use govtwin_model::signal::Signal;
 use tables::{errors, r2_words, recording_table};
 
-pub use curves::{Pictures, worst_stretch_of};
+pub use curves::{Beside, Pictures, worst_stretch_of};
 pub use ladder::{ladder_picture, ladder_table, reason_for_stars};
 pub use tables::thousands;
 pub use tables::{process_table, reason_for_dashes};

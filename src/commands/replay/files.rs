@@ -10,7 +10,7 @@ use govtwin_files::remove_stale;
 use govtwin_model::parameters::Unit;
 use govtwin_model::replay::Replayed;
 use govtwin_model::twin::Twin;
-use govtwin_pages::replay::{Pictures, page};
+use govtwin_pages::replay::{Beside, Pictures, page};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use super::ladder::After;
@@ -106,10 +106,19 @@ fn draw(
     unit: &Unit,
     after: Option<&After>,
 ) -> anyhow::Result<Vec<Pictures>> {
-    let then = |at: usize| after.and_then(|after| Some((after.title.as_str(), after.replayed.get(at)?)));
+    let then = |at: usize| {
+        let after = after?;
+        Some(Beside::Unit { title: &after.title, replayed: after.replayed.get(at)? })
+    };
     let pairs: Vec<_> = results.iter().enumerate().collect();
     let drawn = pairs.into_par_iter().map(|(at, one)| {
-        let pictures = Pictures::draw(&one.replayed, then(at), &unit.sensors)?;
+        let corrected = one.corrected.as_ref().map(|corrected| Beside::Residual {
+            signal: corrected.signal,
+            replayed: &corrected.replayed,
+            half_width: &corrected.half_width,
+            coverage_share: corrected.coverage_share,
+        });
+        let pictures = Pictures::draw(&one.replayed, then(at).or(corrected), &unit.sensors)?;
         let broken = summary.validation.iter().flat_map(Validation::broken);
         let broken: Vec<&Check> = broken.filter(|check| check.recording == Some(at)).collect();
         Ok(pictures.with_broken(one.judged(), &broken, &unit.sensors)?)

@@ -64,7 +64,8 @@ pub fn climb(
         let own = own.unwrap_or(&units[0]);
         let corrector = residual::ready(model, &own.unit, args.cut.cut())?;
         signal = corrector.signal();
-        let replayed: Vec<Replayed> = own.replayed.par_iter().map(|one| residual::correct(&corrector, one).0).collect();
+        let replayed = own.replayed.par_iter().map(|one| residual::correct(&corrector, one).replayed);
+        let replayed: Vec<Replayed> = replayed.collect();
         let stem = title(path);
         rungs.push(Rung {
             model: Some(path.display().to_string()),

@@ -12,6 +12,7 @@ use govtwin_correction::row::Opening;
 use govtwin_diagnosis::replay_summary::{RecordingSource, ReplaySummary, Residual, summarise};
 use govtwin_model::parameters::Unit;
 use govtwin_model::replay::Replayed;
+use govtwin_model::signal::Signal;
 use govtwin_model::twin::Cut;
 
 use super::Result as Outcome;
@@ -41,8 +42,21 @@ pub fn check_rates(models: &[(&Path, Model)], results: &mut [Outcome]) -> anyhow
     Ok(())
 }
 
-/// The same recording with corrected estimates, and what the guard did.
-pub fn correct(corrector: &Corrector, replayed: &Replayed) -> (Replayed, GuardCounts) {
+/// A recording with corrected estimates.
+pub struct Corrected {
+    pub replayed: Replayed,
+    /// The signal that was corrected.
+    pub signal: Signal,
+    /// Half the width of the band row by row, in the signal's unit.
+    pub half_width: Vec<f64>,
+    /// Share of the measured values that the band is to hold; none where the model has no band.
+    pub coverage_share: Option<f64>,
+    /// What the guard did.
+    pub guard: GuardCounts,
+}
+
+/// The same recording with corrected estimates.
+pub fn correct(corrector: &Corrector, replayed: &Replayed) -> Corrected {
     follow(&mut corrector.clone(), replayed)
 }
 
@@ -53,34 +67,42 @@ pub fn adapt(mut corrector: Corrector, results: &mut [Outcome]) -> Option<Adapta
     for at in order {
         let before = *corrector.counts();
         corrector.reset();
-        let (corrected, counts) = follow(&mut corrector, &results[at].replayed);
-        results[at].corrected = Some((corrected, counts.since(&before)));
+        let corrected = follow(&mut corrector, &results[at].replayed);
+        results[at].corrected = Some(Corrected { guard: corrected.guard.since(&before), ..corrected });
     }
     corrector.adaptation()
 }
 
-fn follow(corrector: &mut Corrector, replayed: &Replayed) -> (Replayed, GuardCounts) {
+fn follow(corrector: &mut Corrector, replayed: &Replayed) -> Corrected {
     let signal = corrector.signal();
     let mut estimates = replayed.estimates.clone();
+    let mut half_width = Vec::with_capacity(estimates.len());
     for (frame, estimate) in replayed.recording.frames.iter().zip(&mut estimates) {
-        let corrected = corrector.step(frame, estimate).corrected;
-        estimate.signals = signal.with(estimate.signals, corrected);
+        let correction = corrector.step(frame, estimate);
+        estimate.signals = signal.with(estimate.signals, correction.corrected);
+        half_width.push(correction.half_width);
     }
-    (replayed.with_estimates(estimates), *corrector.counts())
+    Corrected {
+        replayed: replayed.with_estimates(estimates),
+        signal,
+        half_width,
+        coverage_share: corrector.coverage_share(),
+        guard: *corrector.counts(),
+    }
 }
 
 /// The summary of the corrected recordings, for the figures of the whole replay.
 pub fn summary(
     path: &Path,
-    corrected: &[(&(Replayed, GuardCounts), &RecordingSource)],
+    corrected: &[(&Corrected, &RecordingSource)],
     plain: &ReplaySummary,
     cut: Cut,
 ) -> ReplaySummary {
-    let together: Vec<_> = corrected.iter().map(|((replayed, _), source)| (replayed, *source)).collect();
+    let together: Vec<_> = corrected.iter().map(|(one, source)| (&one.replayed, *source)).collect();
     let mut summary = summarise(plain.parameters.clone(), cut, plain.inputs_between_samples, &together);
     let mut guard = GuardCounts::default();
-    for ((_, counts), _) in corrected {
-        guard.add(counts);
+    for (one, _) in corrected {
+        guard.add(&one.guard);
     }
     summary.residual = Some(Residual {
         model: path.display().to_string(),

@@ -68,12 +68,17 @@ fn farthest(summary: &ReplaySummary) -> String {
     format!("{most} in the {}: {} (RMS). {not_why}.", process.title(), there.join(", "))
 }
 
-/// The remaining error of the last unit of a ladder, in half a sentence.
+/// The remaining error with the learned residual, or of the last unit of a ladder, in half a sentence.
 fn after(summary: &ReplaySummary) -> Option<String> {
+    let left = |group: &RecordingGroup| {
+        said(|signal, name, _| Some(format!("{name} {} %", percent(rmse(group, signal)?, 2)))).join(", ")
+    };
+    if let Some(residual) = &summary.residual {
+        return Some(format!("with the learned residual {}", left(&residual.overall)));
+    }
     let rungs = summary.ladder.iter().flat_map(|ladder| ladder.rungs.iter().skip(1));
     let last = rungs.rev().find(|rung| rung.model.is_none())?;
-    let left = said(|signal, name, _| Some(format!("{name} {} %", percent(rmse(&last.overall, signal)?, 2))));
-    Some(format!("with {} {}", last.title, left.join(", ")))
+    Some(format!("with {} {}", last.title, left(&last.overall)))
 }
 
 fn next(summary: &ReplaySummary) -> String {

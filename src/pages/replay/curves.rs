@@ -37,13 +37,36 @@ pub struct Pictures {
     pub broken: Vec<(Svg, Vec<String>)>,
 }
 
+/// What stands beside the twin on the same recording.
+#[derive(Clone, Copy, Debug)]
+pub enum Beside<'a> {
+    /// Another unit.
+    Unit {
+        /// What it is called.
+        title: &'a str,
+        /// What it makes of the recording.
+        replayed: &'a Replayed,
+    },
+    /// The same unit with a learned residual.
+    Residual {
+        /// The signal that is corrected; the others are the twin's.
+        signal: Signal,
+        /// The corrected recording.
+        replayed: &'a Replayed,
+        /// Half the width of its band row by row, in the signal's unit.
+        half_width: &'a [f64],
+        /// Share of the measured values that the band is to hold; none where the model has no band.
+        coverage_share: Option<f64>,
+    },
+}
+
 impl Pictures {
-    /// Draws them, beside those of another unit on the same recording if one is given.
+    /// Draws them, beside another unit or a learned residual on the same recording if one is given.
     ///
     /// # Errors
     /// Where a picture cannot be drawn.
-    pub fn draw(replayed: &Replayed, after: Option<(&str, &Replayed)>, sensors: &Sensors) -> Result<Self, DrawError> {
-        let curves = Curves::new(replayed, after);
+    pub fn draw(replayed: &Replayed, beside: Option<Beside<'_>>, sensors: &Sensors) -> Result<Self, DrawError> {
+        let curves = Curves::new(replayed, beside);
         let window_s = replayed.recording.duration_s() > LONG_S;
         let close_up = window_s.then(|| curves.liveliest_s());
         let pilot = curves.has(Signal::PilotValvePosition) || curves.has(Signal::ControlPressure);
@@ -96,17 +119,16 @@ pub fn worst_stretch_of(replayed: &Replayed, signal: Signal) -> Option<[f64; 2]>
 /// One recording as curves over seconds from its start.
 struct Curves<'a> {
     replayed: &'a Replayed,
-    /// The same recording through another unit, with that unit's name.
-    after: Option<(&'a str, &'a Replayed)>,
+    beside: Option<Beside<'a>>,
     time_s: Vec<f64>,
 }
 
 impl<'a> Curves<'a> {
-    fn new(replayed: &'a Replayed, after: Option<(&'a str, &'a Replayed)>) -> Self {
+    fn new(replayed: &'a Replayed, beside: Option<Beside<'a>>) -> Self {
         let frames = &replayed.recording.frames;
         let start_ns = frames.first().map_or(0, |frame| frame.time_ns);
         let time_s = frames.iter().map(|frame| seconds_from_nanos(frame.time_ns - start_ns)).collect();
-        Self { replayed, after, time_s }
+        Self { replayed, beside, time_s }
     }
 
     fn has(&self, signal: Signal) -> bool {
@@ -210,15 +232,28 @@ impl<'a> Curves<'a> {
         } else {
             Panel::new(title)
         };
-        let Some((title, after)) = self.after else {
-            return panel
-                .line(Ink::Simulated, "simulated", self.simulated(self.replayed, signal, scale))
-                .x_name("time from the start, s");
+        let own = self.simulated(self.replayed, signal, scale);
+        let panel = match self.beside {
+            Some(Beside::Unit { title, replayed }) => panel.dashed_line(Ink::Difference, "before", own).line(
+                Ink::Simulated,
+                &format!("after: {title}"),
+                self.simulated(replayed, signal, scale),
+            ),
+            Some(Beside::Residual { signal: corrected, replayed, half_width, coverage_share })
+                if corrected == signal =>
+            {
+                let line = self.simulated(replayed, signal, scale);
+                let widths = half_width.iter().map(|width| width * scale);
+                let band = line.iter().zip(widths).map(|(&[t, y], width)| [t, y - width, y + width]).collect();
+                let panel = match coverage_share {
+                    Some(share) => panel.band(Ink::Band, &format!("{:.0} % band", 100.0 * share), band),
+                    None => panel,
+                };
+                panel.dashed_line(Ink::Difference, "twin alone", own).line(Ink::Simulated, "with the residual", line)
+            }
+            _ => panel.line(Ink::Simulated, "simulated", own),
         };
-        panel
-            .dashed_line(Ink::Difference, "before", self.simulated(self.replayed, signal, scale))
-            .line(Ink::Simulated, &format!("after: {title}"), self.simulated(after, signal, scale))
-            .x_name("time from the start, s")
+        panel.x_name("time from the start, s")
     }
 
     fn missed(&self, signal: Signal, unit: &str, scale: f64, sensors: &Sensors) -> Panel {
@@ -228,14 +263,20 @@ impl<'a> Curves<'a> {
             .height(84)
             .band(Ink::Band, "±2σ of the transducer", vec![[0.0, -noise, noise], [end_s, -noise, noise]])
             .x_name("time from the start, s");
-        let before = self.difference(self.replayed, signal, scale);
-        match self.after {
-            None => panel.line(Ink::Difference, "difference", before),
-            Some((_, after)) => panel.dashed_line(Ink::Difference, "before", before).line(
+        let own = self.difference(self.replayed, signal, scale);
+        let both = |replayed, [before, after]: [&str; 2]| {
+            panel.clone().dashed_line(Ink::Difference, before, own.clone()).line(
                 Ink::Simulated,
-                "after",
-                self.difference(after, signal, scale),
-            ),
+                after,
+                self.difference(replayed, signal, scale),
+            )
+        };
+        match self.beside {
+            Some(Beside::Unit { replayed, .. }) => both(replayed, ["before", "after"]),
+            Some(Beside::Residual { signal: corrected, replayed, .. }) if corrected == signal => {
+                both(replayed, ["twin alone", "with the residual"])
+            }
+            _ => panel.line(Ink::Difference, "difference", own),
         }
     }
 
