@@ -20,6 +20,10 @@ fn judged(recordings: Vec<Recording>) -> Diagnosis {
     let odds = |row: &EvidenceRow| -0.5 * row.cost - 5.0 * row.effects.len() as f64;
     let leader = said.table.rows.iter().max_by(|a, b| odds(a).total_cmp(&odds(b))).unwrap();
     assert!(leader.refined, "{leader:?}");
+    // A set holds what is in it: a single effect that costs more than none has had a whole fit.
+    let nothing = said.table.rows.iter().find(|row| row.effects.is_empty()).unwrap().cost;
+    let singles = said.table.rows.iter().filter(|row| row.effects.len() == 1);
+    assert!(singles.clone().all(|row| row.refined || row.cost <= nothing), "{nothing} {:?}", singles.collect::<Vec<_>>());
     said
 }
 

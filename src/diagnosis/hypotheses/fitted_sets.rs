@@ -37,14 +37,17 @@ impl KnownSets {
         let promise = |one: &Hypothesis| one.log_evidence + if one.refined { 0.0 } else { one.normal.unfinished() };
         let mut promising: Vec<(f64, &Hypothesis)> = self.fitted.values().map(|one| (promise(one), one)).collect();
         promising.sort_by(|a, b| b.0.total_cmp(&a.0));
-        // Single effects are few: before nothing leads, each has had a whole fit. So has each of a stage alone, where all are alike.
+        // Single effects are few: before nothing leads, each has had a whole fit. So has each of a stage alone, where all are alike. One that costs
+        // more than nothing, which it holds, has not reached the best size, however little its slopes promise.
         let nothing_leads = self.ordered().first().is_some_and(|leader| leader.effects.is_empty());
         let singles = nothing_leads || is_stage_alone(explorer.problem);
+        let without = self.fitted.get(&Vec::new()).map_or(f64::INFINITY, |nothing| nothing.model.fit.cost());
+        let is_unfinished = |one: &Hypothesis| one.effects.len() == 1 && (singles || one.model.fit.cost() > without);
         let chosen: Vec<Hypothesis> = promising
             .into_iter()
             .map(|(_, one)| one)
             .enumerate()
-            .filter(|(place, one)| *place < leaders(explorer.problem) || (singles && one.effects.len() == 1))
+            .filter(|(place, one)| *place < leaders(explorer.problem) || is_unfinished(one))
             .map(|(_, one)| one)
             .filter(|leader| !leader.refined)
             .cloned()
