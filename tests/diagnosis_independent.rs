@@ -23,7 +23,11 @@ fn judged(recordings: Vec<Recording>) -> Diagnosis {
     // A set holds what is in it: a single effect that costs more than none has had a whole fit.
     let nothing = said.table.rows.iter().find(|row| row.effects.is_empty()).unwrap().cost;
     let singles = said.table.rows.iter().filter(|row| row.effects.len() == 1);
-    assert!(singles.clone().all(|row| row.refined || row.cost <= nothing), "{nothing} {:?}", singles.collect::<Vec<_>>());
+    assert!(
+        singles.clone().all(|row| row.refined || row.cost <= nothing),
+        "{nothing} {:?}",
+        singles.collect::<Vec<_>>()
+    );
     said
 }
 

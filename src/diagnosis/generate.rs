@@ -11,14 +11,13 @@ pub mod streams;
 
 use crate::generate::governor::Governor;
 use crate::generate::machine::Machine;
-use crate::generate::noise::{Purpose, READINGS, RandomStreams, Transducer};
+use crate::generate::noise::{Purpose, RandomStreams, Transducer};
 use crate::generate::script::ProcessScript;
 use crate::generate::streams::GeneratedStreams;
 use govtwin_model::effects;
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
 use govtwin_model::plant::Plant;
-use govtwin_model::plant::term::Point;
 use govtwin_model::recording::{Process, Recording};
 use govtwin_model::solver::Method;
 use govtwin_model::twin::Twin;
@@ -71,13 +70,7 @@ fn streams_of(mut plant: Plant, scenario: &Scenario) -> GeneratedStreams {
     let Scenario { unit, process, .. } = scenario;
     let random = RandomStreams { seed: scenario.seed, process: *process };
     let sensors = &unit.sensors;
-    let tick_s = plant.regulator.small_loop_period_s();
-    for (point, sensor, readings, purpose) in [
-        (Point::RegulatorServomotor, sensors.servomotor_position_pu, READINGS, Purpose::RegulatorServomotor),
-        (Point::RegulatorSpool, sensors.spool_position_pu, 1, Purpose::RegulatorSpool),
-    ] {
-        plant.terms.push(noise::in_loop(point, sensor, readings, random.of(purpose), scenario.duration_s / tick_s));
-    }
+    noise::hear(&mut plant, sensors, &random, scenario.duration_s);
     let lookahead_ns = nanos_from_seconds(plant.lookahead_s);
     let script = ProcessScript::new(*process, scenario.duration_s, &random);
     let mut governor = Governor::new(script, random.of(Purpose::Command));

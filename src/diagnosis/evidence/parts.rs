@@ -12,18 +12,20 @@ use crate::estimation::coordinate::{square, subject_at};
 use crate::estimation::fit::{Effort, Start, fit_all};
 use crate::evidence::law_error::NO_LAW_ERROR;
 use crate::evidence::{KAPPAS, Shared};
-use crate::generate::noise::{Purpose, RandomStreams, Transducer};
+use crate::generate::noise::{Purpose, RandomStreams, Transducer, hear};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::prepared::PreparedRecording;
-use crate::likelihood::problem::{Problem, SOUND_MEAN_SQUARE};
+use crate::likelihood::problem::{METHOD, Problem, SOUND_MEAN_SQUARE};
 use crate::model::FittedModel;
 use crate::model::discrepancy::columns;
 use crate::model::support::{Placed, Variant, add};
 use crate::stage_alone::sheetless::{SPOOL_ZERO, acts_behind_the_spool};
-use govtwin_model::effects::{Stage, find};
+use govtwin_model::effects::{self, Stage, find};
+use govtwin_model::plant::Plant;
 use govtwin_model::signal::Signal;
-use govtwin_model::twin::Cut;
+use govtwin_model::twin::{Cut, Twin};
+use govtwin_model::units::seconds_from_nanos;
 
 /// A part of the chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -106,26 +108,32 @@ impl Part {
         problem.recordings.iter().filter_map(|recording| self.of(recording)).collect()
     }
 
-    /// Squares that a right part leaves, each independent sample: the part is driven by what the transducer shows of a model's own simulation, and
-    /// judged by that simulation.
+    /// Squares that a right part leaves, each independent sample: the part is driven by what the transducer shows of a model's own simulation, whose
+    /// regulator hears transducers of its own, and judged by that simulation.
     fn sound(self, problem: &Problem, model: &FittedModel) -> f64 {
         let unit = model.unit();
         let (_, fed) = self.fed();
-        let shown = problem.recordings.iter().enumerate().filter(|(_, recording)| self.of(recording).is_some());
-        let shown = shown.filter_map(|(index, recording)| {
-            let draws = RandomStreams { seed: DRAWS_SEED, process: recording.process }.of(Purpose::Servomotor);
-            let mut transducer = Transducer::new(fed.sensor(&unit.sensors), draws);
-            let mut simulated = recording.clone();
-            for (&row, estimate) in recording.samples.iter().zip(problem.simulate(&unit, index)) {
-                let measured = simulated.frames[row].measured;
-                let shown = Signal::ALL.into_iter().filter(|signal| signal.of(&measured).is_finite());
-                simulated.frames[row].measured = shown.fold(measured, |shown, signal| {
-                    let value = signal.of(&estimate.signals);
-                    signal.with(shown, if signal == fed { transducer.read(value) } else { value })
-                });
-            }
-            self.of(&simulated)
-        });
+        let shown =
+            problem.recordings.iter().filter(|recording| self.of(recording).is_some()).filter_map(|recording| {
+                let random = RandomStreams { seed: DRAWS_SEED, process: recording.process };
+                let mut plant = Plant::new(&unit.parameters);
+                effects::apply(&unit, &mut plant);
+                let [begin_ns, end_ns] =
+                    [recording.frames.first(), recording.frames.last()].map(|one| one.map_or(0, |one| one.time_ns));
+                hear(&mut plant, &unit.sensors, &random, seconds_from_nanos(end_ns - begin_ns));
+                let mut transducer = Transducer::new(fed.sensor(&unit.sensors), random.of(Purpose::Servomotor));
+                let mut simulated = recording.clone();
+                let estimates = recording.run(&mut Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, METHOD));
+                for (&row, estimate) in recording.samples.iter().zip(estimates) {
+                    let measured = simulated.frames[row].measured;
+                    let shown = Signal::ALL.into_iter().filter(|signal| signal.of(&measured).is_finite());
+                    simulated.frames[row].measured = shown.fold(measured, |shown, signal| {
+                        let value = signal.of(&estimate.signals);
+                        signal.with(shown, if signal == fed { transducer.read(value) } else { value })
+                    });
+                }
+                self.of(&simulated)
+            });
         let own = problem.anew(shown.collect(), &unit);
         let [(base, coordinates, positions), _] = self.starts(model);
         let left: f64 = own.residuals_of(&[subject_at(&base, &coordinates, &positions)]).iter().map(square).sum();

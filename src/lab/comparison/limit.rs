@@ -10,13 +10,12 @@
 
 use super::Contender;
 use govtwin_correction::table::FeatureTable;
-use govtwin_diagnosis::generate::noise::{Draws, Purpose, READINGS, RandomStreams, Transducer, in_loop};
+use govtwin_diagnosis::generate::noise::{Draws, Purpose, RandomStreams, Transducer, hear};
 use govtwin_model::effects;
 use govtwin_model::frame::Estimate;
 use govtwin_model::frame::Frame;
 use govtwin_model::parameters::Unit;
 use govtwin_model::plant::Plant;
-use govtwin_model::plant::term::Point;
 use govtwin_model::recording::{Process, Recording};
 use govtwin_model::replay::between::drawn;
 use govtwin_model::replay::simulate;
@@ -115,17 +114,10 @@ fn wander(frames: &mut [Frame], rows: &[usize], draws: &mut Draws) {
 fn noisy(unit: &Unit, recording: &Recording, seed: u64) -> Twin {
     let mut plant = Plant::new(&unit.parameters);
     effects::apply(unit, &mut plant);
-    let sensors = &unit.sensors;
-    let random = RandomStreams { seed, process: recording.process };
     let [begin_ns, end_ns] =
         [recording.frames.first(), recording.frames.last()].map(|one| one.map_or(0, |one| one.time_ns));
-    let ticks = seconds_from_nanos(end_ns - begin_ns) / plant.regulator.small_loop_period_s();
-    for (point, sensor, readings, purpose) in [
-        (Point::RegulatorServomotor, sensors.servomotor_position_pu, READINGS, Purpose::RegulatorServomotor),
-        (Point::RegulatorSpool, sensors.spool_position_pu, 1, Purpose::RegulatorSpool),
-    ] {
-        plant.terms.push(in_loop(point, sensor, readings, random.of(purpose), ticks));
-    }
+    let random = RandomStreams { seed, process: recording.process };
+    hear(&mut plant, &unit.sensors, &random, seconds_from_nanos(end_ns - begin_ns));
     Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default())
 }
 
