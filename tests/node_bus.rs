@@ -1,9 +1,11 @@
 //! Two participants on this machine: the node hears, answers, tells strangers apart and leaves.
 #![cfg(feature = "node")]
 
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use govtwin_bag::cdr;
 use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
 use govtwin_model::params;
 use govtwin_node::arguments::Arguments;
@@ -12,6 +14,8 @@ use govtwin_node::core::NodeInput;
 use govtwin_node::environment::Environment;
 use govtwin_node::intake::Refusal;
 use govtwin_node::live::{self, RunOptions};
+use govtwin_node::player::tape::Tape;
+use govtwin_node::player::{PlayOptions, Player, Stamps};
 use govtwin_node::realtime::{Wishes, wall_ns};
 use govtwin_node::recorder::{Selection, record};
 use govtwin_node::settings::NodeSettings;
@@ -178,4 +182,58 @@ fn units_of_one_process_are_nodes_of_their_own() {
     assert_eq!((told("/left/governor/comand"), told("/right/governor/esv:=")), (1, 0), "{said:?}");
     assert!(told("/left/govtwin: ") > 0 && told("/right/govtwin: ") > 0, "{said:?}");
     wait_for("both go", || !peer.writers().values().any(|(topic, _)| topic.ends_with("/sim/servo_state")));
+}
+
+/// The commands of a bag that differ from those before them, with their log times.
+fn commands_in(bag: &Path) -> Vec<(i64, f64)> {
+    let messages = govtwin_bag::messages(bag).unwrap().map(Result::unwrap);
+    let commands = messages.filter(|message| message.topic.name == "/governor/command");
+    let decoded = commands.map(|message| (message.log_time_ns, cdr::decode::<GovernorCommand>(&message.data).unwrap()));
+    let mut all: Vec<(i64, f64)> = decoded.map(|(time_ns, command)| (time_ns, command.opening)).collect();
+    all.dedup_by_key(|(_, opening)| *opening);
+    all
+}
+
+#[test]
+fn a_clock_that_waits_for_what_is_played_before_it_brings_no_command_late_on_a_busy_machine() {
+    let environment = environment();
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("bag");
+    let options = RunOptions { bag: Some(bag.clone()), ..options(&environment, &["-p", "use_sim_time:=true"]) };
+    let source = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("bags/reference/load_rejection_01.mcap");
+    let topics = ["/governor/command", "/governor/esv", "/governor/tank_pressure"].map(str::to_owned);
+    let (tape, _) = Tape::open(source.clone(), topics.to_vec(), Some(Duration::from_secs(150))).unwrap();
+    let tape = tape.unwrap();
+    let mut peer = Bus::open(&environment, Arguments::parse(&[], "tape").unwrap()).unwrap();
+    let wait = Duration::from_secs(20);
+    let play = PlayOptions { speed_ratio: 50.0, repeat: false, clock_hz: Some(100.0), wait, stamps: Stamps::Recorded };
+    let player = Player::open(&mut peer, &tape, &play).unwrap();
+    let (stop, is_busy) = (AtomicBool::new(false), AtomicBool::new(true));
+    let (played, ended) = std::thread::scope(|scope| {
+        let node = scope.spawn(|| live::run(&options, &stop, &mut |_, _| {}));
+        let readers = || topics.iter().chain([&"/clock".to_owned()]).all(|topic| peer.readers_of(topic) > 0);
+        wait_for("the node comes", readers);
+        std::thread::sleep(Duration::from_millis(700));
+        for _ in 0..12 {
+            scope.spawn(|| while is_busy.load(Ordering::Relaxed) {});
+        }
+        let played = player.play(&tape, &play, &stop, &mut |_| {}).unwrap();
+        is_busy.store(false, Ordering::Relaxed);
+        std::thread::sleep(Duration::from_millis(500));
+        stop.store(true, Ordering::Relaxed);
+        (played, node.join().unwrap().unwrap())
+    });
+    assert!(played.unacknowledged.is_empty() && played.lost == 0, "{played:?}");
+    assert_eq!(ended.counts[NodeInput::Command as usize].lost, 0);
+    let (sent, used) = (commands_in(&source), commands_in(&bag));
+    let last_ns = used.last().unwrap().0;
+    let sent: Vec<(i64, f64)> = sent.into_iter().filter(|(time_ns, _)| *time_ns < last_ns).collect();
+    assert!(sent.len() > 50, "{}", sent.len());
+    for ((sent_ns, opening), (used_ns, taken)) in sent.iter().zip(&used) {
+        let delay_ns = used_ns - sent_ns;
+        assert!(
+            taken == opening && (0..=2_000_000).contains(&delay_ns),
+            "{opening} at {sent_ns}, {taken} at {used_ns}"
+        );
+    }
 }

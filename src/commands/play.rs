@@ -6,7 +6,7 @@ use anyhow::bail;
 use govtwin_node::arguments::Arguments;
 use govtwin_node::bus::Bus;
 use govtwin_node::player::tape::Tape;
-use govtwin_node::player::{PlayOptions, Played, Player, Stamps};
+use govtwin_node::player::{PATIENCE, PlayOptions, Played, Player, Stamps};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
@@ -30,7 +30,8 @@ pub struct Args {
     repeat: bool,
     /// Publish the time of the recording on `/clock`.
     ///
-    /// It is published HZ times per second of the recording (100 if HZ is not given), and before each message.
+    /// It is published HZ times per second of the recording (100 if HZ is not given), and before each message. A tick
+    /// goes out once reliable subscribers have acknowledged the messages before it, or have not within 1 s.
     #[arg(long = "clock", value_name = "HZ", num_args = 0..=1, default_missing_value = "100", require_equals = true, value_parser = number)]
     clock_hz: Option<f64>,
     /// Stamps of the messages: `now` as if they were recorded now, `recorded` as they stand in the recording [default: now,
@@ -66,7 +67,8 @@ Examples:
   govtwin play bags/reference/startup_01.mcap --topics /governor/command --loop
   govtwin play diagnosis/case_03/next_test.mcap    # the next test that `diagnose` proposes
 
-Exit codes: 0 played, 1 not possible, 2 wrong usage, 3 played, but samples were lost.";
+Exit codes: 0 played, 1 not possible, 2 wrong usage, 3 played, but samples were lost or, with --clock,
+not acknowledged.";
 
 /// Which stamps messages have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -124,7 +126,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     drop(player);
     drop(bus);
     output::print(&if args.json { format!("{:#}\n", figures(&played)) } else { text(&played) })?;
-    Ok(if played.lost > 0 { Outcome::Warnings } else { Outcome::Ok })
+    for (topic, ticks) in &played.unacknowledged {
+        output::warn(&format!(
+            "{topic}: {ticks} ticks of /clock went out before all subscribers had acknowledged what was published, within {} s; \
+             whoever follows the clock may have had it late",
+            PATIENCE.as_secs_f64()
+        ));
+    }
+    let all_arrived = played.lost == 0 && played.unacknowledged.is_empty();
+    Ok(if all_arrived { Outcome::Ok } else { Outcome::Warnings })
 }
 
 fn none_of(topics: &[String]) -> String {
@@ -134,7 +144,7 @@ fn none_of(topics: &[String]) -> String {
 fn figures(played: &Played) -> serde_json::Value {
     json!({
         "schema": "govtwin-play/1", "messages": played.messages, "lost": played.lost, "passes": played.passes,
-        "worst_delay_s": played.worst_delay_s,
+        "unacknowledged": played.unacknowledged, "worst_delay_s": played.worst_delay_s,
     })
 }
 

@@ -16,7 +16,8 @@ use serde::Serialize;
 use super::arguments::Arguments;
 use super::environment::Environment;
 use super::offer::dds_type;
-use super::qos::{self, awaited, best_effort, kept, reliable};
+use super::player::outlet::AwaitedWriter;
+use super::qos::{self, best_effort, kept, reliable};
 use super::services::call::Calls;
 use super::tap::Tap;
 use super::transport;
@@ -136,19 +137,20 @@ impl Bus {
     /// # Errors
     /// On a name that is none, or when DDS refuses.
     pub fn subscribe<M: Interface + 'static>(&mut self, topic: &str) -> Result<Subscription<M>, BusError> {
-        self.listen(topic, best_effort())
+        self.subscribe_with(topic, best_effort())
     }
 
-    /// The same, reliable where asked for: then what is lost is sent again, and only reliable publishers match.
+    /// The same with a quality of service of its own.
     ///
     /// # Errors
     /// As [`Bus::subscribe`].
-    pub fn subscribe_input<M: Interface + 'static>(
+    pub(super) fn subscribe_with<M: Interface + 'static>(
         &mut self,
         topic: &str,
-        is_reliable: bool,
+        qos: QosProfile,
     ) -> Result<Subscription<M>, BusError> {
-        self.listen(topic, if is_reliable { awaited() } else { best_effort() })
+        let (full_name, topic) = self.topic(topic, (M::TYPE_NAME, None), "subscription", qos)?;
+        self.node.create_subscription(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
     }
 
     /// The full name of a topic that is opened later, when it has a publisher.
@@ -195,6 +197,26 @@ impl Bus {
     ) -> Result<Publisher<M>, BusError> {
         let (full_name, topic) = self.topic(topic, kind, "publisher", qos)?;
         self.node.create_publisher(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
+    }
+
+    /// The same for samples that are encoded already, by a writer that tells when they have arrived.
+    ///
+    /// # Errors
+    /// As [`Bus::publish`].
+    pub(super) fn publish_awaited(
+        &mut self,
+        topic: &str,
+        kind: (&str, Option<&str>),
+        qos: QosProfile,
+    ) -> Result<AwaitedWriter, BusError> {
+        let (full_name, topic) = self.topic(topic, kind, "publisher", qos)?;
+        let refused = |source: rustdds::dds::CreateError| BusError::open(&full_name, source);
+        let policies = QosPolicies::from(&qos::reliable());
+        let publisher = self.context.domain_participant().create_publisher(&policies).map_err(refused)?;
+        let writer = publisher.create_datawriter_no_key(&topic, None).map_err(refused)?;
+        let listed = self.node.create_publisher(&topic, None);
+        let listed = listed.map_err(|source| BusError::Open { topic: full_name, source })?;
+        Ok(AwaitedWriter::new((publisher, writer), listed))
     }
 
     /// Opens a topic for writing whose newest message is kept for those who subscribe later.
@@ -285,11 +307,6 @@ impl Bus {
         let topic = self.context.get_parameter_events_topic();
         let open = |source| BusError::Open { topic: "/parameter_events".to_owned(), source };
         self.node.create_publisher(&topic, None).map_err(open)
-    }
-
-    fn listen<M: Interface + 'static>(&mut self, topic: &str, qos: QosProfile) -> Result<Subscription<M>, BusError> {
-        let (full_name, topic) = self.topic(topic, (M::TYPE_NAME, None), "subscription", qos)?;
-        self.node.create_subscription(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
     }
 
     /// A topic to be read or written; what is opened on it announces the hash of its type.

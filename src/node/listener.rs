@@ -2,6 +2,7 @@
 
 pub mod event;
 mod mapped;
+mod order;
 mod samples;
 
 use std::cell::{Cell, RefCell};
@@ -28,7 +29,7 @@ use super::intake::competing_publishers::CompetingPublishers;
 use super::intake::stamps::StampWatch;
 use super::intake::{Intake, Numbering, Refusal, TopicCounts, TopicGate};
 use super::integration::{TimeSource, TimedEvent};
-use super::policy::JOINT_COMMANDS;
+use super::qos;
 use super::realtime::{monotonic_ns, wall_ns};
 use super::refit::Refit;
 use super::services::replies::Replies;
@@ -70,8 +71,14 @@ impl Subscriptions {
         let time = settings.pace().time;
         let services =
             (ParameterServices::open(bus)?, UpkeepServices::open(bus)?, SimulationServices::open(bus, time)?);
-        // What a step waits for must be sent again where it is lost.
-        let awaits = |input: NodeInput| settings.step_inputs[input as usize];
+        // What a step waits for must be sent again where it is lost, and so must what belongs to a time of the clock.
+        let input = |input: NodeInput| {
+            let awaits = settings.use_sim_time || settings.step_inputs[input as usize];
+            (input.topic(), if awaits { qos::awaited() } else { qos::best_effort() })
+        };
+        let (command, esv, tank_pressure) =
+            (input(NodeInput::Command), input(NodeInput::Esv), input(NodeInput::TankPressure));
+        let load = input(NodeInput::Load);
         Ok(Self {
             services,
             action: StepsAction::open(bus, time)?,
@@ -79,15 +86,14 @@ impl Subscriptions {
                 None
             } else {
                 Some(NativeInputs {
-                    command: bus.subscribe_input(NodeInput::Command.topic(), awaits(NodeInput::Command))?,
-                    esv: bus.subscribe_input(NodeInput::Esv.topic(), awaits(NodeInput::Esv))?,
-                    tank_pressure: bus
-                        .subscribe_input(NodeInput::TankPressure.topic(), awaits(NodeInput::TankPressure))?,
+                    command: bus.subscribe_with(command.0, command.1)?,
+                    esv: bus.subscribe_with(esv.0, esv.1)?,
+                    tank_pressure: bus.subscribe_with(tank_pressure.0, tank_pressure.1)?,
                 })
             },
-            joint_commands: bus.subscribe_input(JOINT_COMMANDS, awaits(NodeInput::Load))?,
+            joint_commands: bus.subscribe_with(load.0, load.1)?,
             measured: if adapts && !is_mapped { Some(bus.subscribe(MEASURED)?) } else { None },
-            clock: if settings.use_sim_time { Some(bus.subscribe("/clock")?) } else { None },
+            clock: if settings.use_sim_time { Some(bus.subscribe_with("/clock", qos::followed())?) } else { None },
             parameter_events: bus.parameter_events()?,
         })
     }
@@ -202,23 +208,19 @@ impl<'a> Listener<'a> {
         let settings = services.store.borrow().settings();
         self.time.set(settings.pace().time);
         self.max_stamp_age_ns.set(settings.max_stamp_age_ns());
-        let mut streams =
-            vec![subscriptions.joint_commands.async_stream().map(|sample| self.asked(sample)).boxed_local()];
-        if let Some(native) = &subscriptions.native {
-            streams.extend([self.input(&native.command), self.input(&native.esv), self.input(&native.tank_pressure)]);
+        let mut streams = Vec::new();
+        let (native, joint_commands) = (subscriptions.native.as_ref(), &subscriptions.joint_commands);
+        if let Some(clock) = &subscriptions.clock {
+            streams.push(self.in_order(native, joint_commands, clock));
+        } else {
+            streams.push(joint_commands.async_stream().map(|sample| self.asked(sample)).boxed_local());
+            let inputs =
+                |of: &'p NativeInputs| [self.input(&of.command), self.input(&of.esv), self.input(&of.tank_pressure)];
+            streams.extend(native.into_iter().flat_map(inputs));
         }
         streams.extend(self.opened.take().map(|opened| self.mapped(opened)));
         if let Some(measured) = &subscriptions.measured {
             streams.push(measured.async_stream().map(|sample| self.measured(sample)).boxed_local());
-        }
-        if let Some(clock) = &subscriptions.clock {
-            let ticks = clock.async_stream().map(|sample| {
-                if let Some(time_ns) = sample.ok().and_then(|(clock, _)| clock.clock.nanos()) {
-                    self.clock.note(time_ns, monotonic_ns());
-                    self.tell(InputEvent::Clock(time_ns));
-                }
-            });
-            streams.push(ticks.boxed_local());
         }
         let mut answers = subscriptions.action.answers(services, replies);
         let (parameters, upkeep, simulation) = &subscriptions.services;

@@ -1,5 +1,9 @@
 //! Publishing a recording over DDS with its timing: topics of any type, byte by byte as they were recorded.
+//!
+//! With a clock, a tick goes out only once the messages before it have arrived: whoever follows the clock then has them in time, however busy the
+//! machine is.
 
+pub(super) mod outlet;
 pub mod tape;
 
 use std::cell::OnceCell;
@@ -9,11 +13,12 @@ use std::time::Duration;
 
 use ros2_client::Publisher;
 
+use outlet::Outlet;
+pub use outlet::PATIENCE;
 use tape::Tape;
 
 use super::bus::{Bus, BusError};
 use super::offer::is_hash;
-use super::qos;
 use super::realtime::{Until, monotonic_ns, pause, sleep_until, wall_ns};
 use super::spout::Encoded;
 use govtwin_bag::msg::{Clock, Interface, Time};
@@ -66,22 +71,17 @@ pub struct Played {
     pub messages: BTreeMap<String, u64>,
     /// Messages in another layout than little-endian CDR, or that DDS did not take.
     pub lost: u64,
+    /// Topics whose subscribers did not acknowledge what was published within [`PATIENCE`], so that the clock went on without them: ticks by topic.
+    pub unacknowledged: BTreeMap<String, u64>,
     /// Largest delay of a message behind its time, s.
     pub worst_delay_s: f64,
     /// Passes begun.
     pub passes: u64,
 }
 
-/// A topic as it is played.
-struct PlayedTopic {
-    publisher: Publisher<Encoded>,
-    /// Its messages begin with a `std_msgs/Header`.
-    has_header: bool,
-}
-
 /// A recording ready to be played.
 pub struct Player {
-    outlets: BTreeMap<String, PlayedTopic>,
+    outlets: BTreeMap<String, Outlet>,
     clock: Option<Publisher<Clock>>,
     /// Topics that are not played, and why.
     pub left_out: Vec<(String, &'static str)>,
@@ -104,10 +104,10 @@ impl Player {
                 "it was recorded with another type as well"
             } else {
                 let kind = (topic.type_name.as_str(), Some(topic.type_hash.as_str()).filter(|hash| is_hash(hash)));
-                match bus.publish_as(&topic.name, kind, qos::played(&topic.offered_qos_profiles)) {
-                    Ok(publisher) => {
-                        let has_header = begins_with_header(topic);
-                        outlets.insert(topic.name.clone(), PlayedTopic { publisher, has_header });
+                let how = (topic.offered_qos_profiles.as_str(), begins_with_header(topic), options.clock_hz.is_some());
+                match Outlet::open(bus, &topic.name, kind, how) {
+                    Ok(outlet) => {
+                        outlets.insert(topic.name.clone(), outlet);
                         continue;
                     }
                     Err(BusError::Name { .. }) => "its name is none of ROS 2",
@@ -182,7 +182,7 @@ impl Player {
                     if !sleep_while(pass.due_ns(next_clock_ns), stop) {
                         return;
                     }
-                    tell_clock(clock, next_clock_ns);
+                    self.tell_clock(clock, next_clock_ns, played);
                     next_clock_ns += govtwin_model::units::nanos_from_seconds(1.0 / hz).max(1);
                 }
             }
@@ -191,7 +191,7 @@ impl Player {
                 return;
             }
             if let Some(clock) = &self.clock {
-                tell_clock(clock, message.log_time_ns);
+                self.tell_clock(clock, message.log_time_ns, played);
             }
             if let Some(outlet) = self.outlets.get(&message.topic.name) {
                 let fresh = options.stamps == Stamps::Now && outlet.has_header;
@@ -201,7 +201,7 @@ impl Player {
                     }
                     sample
                 });
-                if sample.is_some_and(|sample| outlet.publisher.publish(sample).is_ok()) {
+                if sample.is_some_and(|sample| outlet.publish(sample)) {
                     *played.messages.entry(message.topic.name.clone()).or_default() += 1;
                 } else {
                     played.lost += 1;
@@ -210,6 +210,15 @@ impl Player {
             played.worst_delay_s = played.worst_delay_s.max(seconds_from_nanos(monotonic_ns() - due_ns));
             progress(seconds_from_nanos(message.log_time_ns - pass.first_ns));
         }
+    }
+
+    /// Sends a tick of the clock once the messages before it have arrived, or have been waited for.
+    fn tell_clock(&self, clock: &Publisher<Clock>, time_ns: i64, played: &mut Played) {
+        for (topic, _) in self.outlets.iter().filter(|(_, outlet)| !outlet.has_arrived()) {
+            *played.unacknowledged.entry(topic.clone()).or_default() += 1;
+        }
+        // A lost tick is followed by the next one.
+        let _ = clock.publish(Clock { clock: Time::from_nanos(time_ns) });
     }
 }
 
@@ -252,11 +261,6 @@ fn begins_with_header(topic: &TopicInfo) -> bool {
     first.is_some_and(|field| {
         matches!(field.split_whitespace().next(), Some("std_msgs/Header" | "std_msgs/msg/Header" | "Header"))
     })
-}
-
-fn tell_clock(clock: &Publisher<Clock>, time_ns: i64) {
-    // A lost tick is followed by the next one.
-    let _ = clock.publish(Clock { clock: Time::from_nanos(time_ns) });
 }
 
 /// Sleeps until `due_ns`; `false` where told to stop meanwhile.

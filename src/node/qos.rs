@@ -22,10 +22,16 @@ pub fn best_effort() -> QosProfile {
     QosProfile { history: History::KeepLast { depth: 10 }, ..QosProfile::subscription_default() }
 }
 
-/// Reliable, otherwise like [`best_effort`]: inputs that a step waits for are read with it.
+/// Best effort, the newest thousand: what the ticks of `/clock` are read with. Where the node falls behind, each is followed all the same.
+#[must_use]
+pub fn followed() -> QosProfile {
+    QosProfile { history: History::KeepLast { depth: 1000 }, ..best_effort() }
+}
+
+/// The same, reliable: what inputs are read with that a step waits for, or a node that follows `/clock`.
 #[must_use]
 pub fn awaited() -> QosProfile {
-    QosProfile { reliability: Reliability::Reliable { when_full: WhenFull::Fail }, ..best_effort() }
+    QosProfile { reliability: Reliability::Reliable { when_full: WhenFull::Fail }, ..followed() }
 }
 
 /// Best effort like [`best_effort`], but the newest 8192: what is recorded is read with. At 1 kHz they outlast a disk that

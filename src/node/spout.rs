@@ -46,6 +46,11 @@ impl Encoded {
     pub(super) fn bytes(&self) -> &[u8] {
         &self.0
     }
+
+    /// The same, given away.
+    pub(super) fn into_bytes(self) -> Vec<u8> {
+        self.0
+    }
 }
 
 impl Message for Encoded {}

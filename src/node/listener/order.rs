@@ -1,0 +1,125 @@
+//! What a node hears that follows `/clock`: dealt with in the order in which it came, whatever topic it came on.
+//!
+//! Each topic has a queue of its own. A node that falls behind finds several samples in each, and must not take a tick of the clock before the
+//! command that came before it, nor a command before the tick that it came after.
+
+use futures::stream::{LocalBoxStream, StreamExt, select_all};
+use ros2_client::{MessageInfo, ReadError, Subscription};
+use serde::de::DeserializeOwned;
+
+use super::super::intake::Intake;
+use super::super::realtime::monotonic_ns;
+use super::{Arrivals, InputEvent, Listener, NativeInputs};
+use govtwin_bag::msg::{Clock, Interface, JointState};
+
+/// Most samples that are put in order at a time; of more the rest follows.
+const MOST_TOGETHER: usize = 4096;
+
+/// A sample, or why it cannot be read.
+type Sample<M> = Result<(M, MessageInfo), ReadError>;
+
+/// What is done with a sample, and when it came, ns; of two that came at once the clock is the later one.
+struct Arrived<'s> {
+    place: (i64, bool),
+    take: Box<dyn FnOnce() + 's>,
+}
+
+/// A topic: the next of its samples that has come, if any.
+type Queue<'s> = Box<dyn Fn() -> Option<Arrived<'s>> + 's>;
+
+/// A topic as its samples come, and as those that have come can be taken at once.
+type Way<'s> = (LocalBoxStream<'s, Arrived<'s>>, Queue<'s>);
+
+impl Listener<'_> {
+    /// The inputs and the clock.
+    pub(super) fn in_order<'s>(
+        &'s self,
+        native: Option<&'s NativeInputs>,
+        joint_commands: &'s Subscription<JointState>,
+        clock: &'s Subscription<Clock>,
+    ) -> Arrivals<'s> {
+        let mut ways =
+            vec![way(clock, true, |sample| self.tick(sample)), way(joint_commands, false, |sample| self.asked(sample))];
+        if let Some(native) = native {
+            ways.push(self.way_of(&native.command));
+            ways.push(self.way_of(&native.esv));
+            ways.push(self.way_of(&native.tank_pressure));
+        }
+        let (streams, queues): (Vec<_>, Vec<_>) = ways.into_iter().unzip();
+        select_all(streams).map(move |first| take_all(first, &queues)).boxed_local()
+    }
+
+    fn way_of<'s, M: Interface + Intake + DeserializeOwned + 'static>(&'s self, input: &'s Subscription<M>) -> Way<'s> {
+        way(input, false, |sample| self.sample(sample))
+    }
+
+    /// A time of the clock.
+    fn tick(&self, sample: Sample<Clock>) {
+        if let Some(time_ns) = sample.ok().and_then(|(clock, _)| clock.clock.nanos()) {
+            self.clock.note(time_ns, monotonic_ns());
+            self.tell(InputEvent::Clock(time_ns));
+        }
+    }
+}
+
+/// A topic whose samples go to `take`.
+fn way<'s, M: DeserializeOwned + 'static>(
+    subscription: &'s Subscription<M>,
+    is_clock: bool,
+    take: impl Fn(Sample<M>) + Copy + 's,
+) -> Way<'s> {
+    let arrived = move |sample: Sample<M>| {
+        let came = sample.as_ref().ok().and_then(|(_, info)| info.received_timestamp());
+        let place = (came.map_or(0, |came| came.to_nanos()), is_clock);
+        Arrived { place, take: Box::new(move || take(sample)) }
+    };
+    let queue = move || subscription.take().transpose().map(arrived);
+    (subscription.async_stream().map(arrived).boxed_local(), Box::new(queue))
+}
+
+/// Takes what has come on all ways, and deals with it in its order. All of it was there once a look at each way finds nothing more.
+fn take_all<'s>(first: Arrived<'s>, queues: &[Queue<'s>]) {
+    let mut all = vec![first];
+    loop {
+        let before = all.len();
+        for queue in queues {
+            all.extend(std::iter::from_fn(queue).take(MOST_TOGETHER));
+        }
+        if all.len() == before || before > MOST_TOGETHER {
+            break;
+        }
+    }
+    all.sort_by_key(|arrived| arrived.place);
+    for arrived in all {
+        (arrived.take)();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+    use std::collections::VecDeque;
+
+    use super::{Arrived, Queue, take_all};
+
+    #[test]
+    fn samples_of_several_topics_are_taken_in_the_order_in_which_they_came() {
+        let taken = RefCell::new(Vec::new());
+        let taken_ref = &taken;
+        let arrived = |time_ns: i64, is_clock: bool, name: &'static str| Arrived {
+            place: (time_ns, is_clock),
+            take: Box::new(move || taken_ref.borrow_mut().push(name)),
+        };
+        let queue = |samples: Vec<Arrived<'_>>| RefCell::new(VecDeque::from(samples));
+        // The clock's queue has more ticks than there are commands, and one command comes while the others are looked at.
+        let clock = queue(vec![arrived(10, true, "t10"), arrived(20, true, "t20"), arrived(30, true, "t30")]);
+        let commands = queue(vec![arrived(20, false, "c20"), arrived(25, false, "c25")]);
+        let late = RefCell::new(Some(arrived(5, false, "c5")));
+        let queues: [Queue<'_>; 2] = [
+            Box::new(|| clock.borrow_mut().pop_front()),
+            Box::new(|| commands.borrow_mut().pop_front().or_else(|| late.borrow_mut().take())),
+        ];
+        take_all(arrived(22, false, "p22"), &queues);
+        assert_eq!(*taken.borrow(), ["c5", "t10", "c20", "t20", "p22", "c25", "t30"]);
+    }
+}
