@@ -43,6 +43,7 @@ fn options(environment: &Environment, words: &[&str]) -> RunOptions {
         adapt: false,
         settings: NodeSettings { wishes: Wishes::default(), ..NodeSettings::default() },
         read_only: false,
+        commanders: String::new(),
         duration: None,
         bag: None,
     }

@@ -111,6 +111,12 @@ pub struct Args {
     /// Let callers ask, and change nothing: no parameters, no reset, no steps, no logger levels.
     #[arg(long)]
     read_only: bool,
+    /// Nodes that may command, by full name (`/governor`, `/bench/*`) or by the beginning of an id; without it, all.
+    ///
+    /// What others send on inputs and `/clock` is ignored, and they may ask, but change nothing by a call. Names and
+    /// ids are what senders say of themselves: this keeps out mistakes, not attackers.
+    #[arg(long, value_name = "NODE", num_args = 1.., value_delimiter = ',')]
+    commanders: Vec<String>,
     #[command(flatten)]
     network: NetworkArgs,
     /// Count time from 0, and publish it on `/clock` for other nodes.
@@ -196,6 +202,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             adapt: args.adapt,
             settings,
             read_only: args.read_only,
+            commanders: args.commanders.join(","),
             duration: duration(args.duration_s, "--duration")?,
             bag,
         })

@@ -4,6 +4,7 @@ mod graph;
 
 use std::collections::BTreeSet;
 
+use ros2_client::builtin_topics::ros_discovery;
 use ros2_client::parameters::raw;
 use ros2_client::{
     Client, Context, CreateError, Message, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, ServiceMapping,
@@ -173,6 +174,20 @@ impl Bus {
         let refused = |source: rustdds::dds::CreateError| BusError::open(&full_name, source);
         let subscriber =
             self.context.domain_participant().create_subscriber(&QosPolicies::from(qos)).map_err(refused)?;
+        let reader = subscriber.create_simple_datareader_no_key(&topic, None).map_err(refused)?;
+        Ok(Tap::new(subscriber, reader))
+    }
+
+    /// Listens to what nodes say on the graph of ROS of themselves.
+    ///
+    /// # Errors
+    /// When DDS refuses.
+    pub(super) fn tap_graph(&self) -> Result<Tap, BusError> {
+        let refused = |source: rustdds::dds::CreateError| BusError::open(ros_discovery::TOPIC_NAME, source);
+        let (participant, qos) = (self.context.domain_participant(), QosPolicies::from(&qos::latched()));
+        let (topic, kind) = (ros_discovery::TOPIC_NAME.to_owned(), ros_discovery::TYPE_NAME.to_owned());
+        let topic = participant.create_topic(topic, kind, &qos, TopicKind::NoKey).map_err(refused)?;
+        let subscriber = participant.create_subscriber(&qos).map_err(refused)?;
         let reader = subscriber.create_simple_datareader_no_key(&topic, None).map_err(refused)?;
         Ok(Tap::new(subscriber, reader))
     }

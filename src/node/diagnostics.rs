@@ -128,7 +128,9 @@ pub fn compile(
         add(input.topic(), level, message, values);
     }
     let name = (health.node & Health::NAME_TAKEN != 0).then_some((2, "another node has this node's name"));
-    for (part, told) in [("/clock", clock), ("bag", bag), ("name", name)] {
+    let ignored = "others than the commanders send inputs or call for changes: they are ignored";
+    let commanders = (health.node & Health::IGNORED != 0).then_some((1, ignored));
+    for (part, told) in [("/clock", clock), ("bag", bag), ("name", name), ("commanders", commanders)] {
         if let Some((level, message)) = told {
             add(part, level, message.to_owned(), Vec::new());
         }

@@ -1,14 +1,20 @@
 //! What is wrong with inputs and node while it runs, as flags that the threads share: `sim/status` has them with each state.
 
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicI64, AtomicU8, Ordering};
 
 use super::core::NodeInput;
+use super::realtime::monotonic_ns;
+use govtwin_model::units::NANOS_PER_SECOND;
+
+/// What was ignored shows for so long, ns.
+const SHOWN_NS: i64 = 2 * NANOS_PER_SECOND;
 
 /// The flags of each input and of the node.
 #[derive(Debug, Default)]
 pub struct Health {
     inputs: [AtomicU8; NodeInput::COUNT],
     node: AtomicU8,
+    ignored_until_ns: AtomicI64,
 }
 
 /// The flags at one moment.
@@ -33,6 +39,8 @@ impl Health {
     pub const NAME_TAKEN: u8 = 16;
     /// The fail-safe tripped, and the trip waits for `~/reset_trip`.
     pub const LATCHED: u8 = 32;
+    /// Others than the commanders send inputs, or call for a change: they are ignored.
+    pub const IGNORED: u8 = 64;
 
     /// Sets the flags of an input.
     pub fn set(&self, input: NodeInput, flags: u8) {
@@ -44,11 +52,17 @@ impl Health {
         self.node.store(flags, Ordering::Relaxed);
     }
 
+    /// Notes that somebody who may not command was ignored at `now_ns` of the monotonic clock.
+    pub fn note_ignored(&self, now_ns: i64) {
+        self.ignored_until_ns.store(now_ns.saturating_add(SHOWN_NS), Ordering::Relaxed);
+    }
+
     /// The flags now.
     #[must_use]
     pub fn flags(&self) -> HealthFlags {
         let inputs = NodeInput::ALL.map(|input| self.inputs[input as usize].load(Ordering::Relaxed));
-        HealthFlags { inputs, node: self.node.load(Ordering::Relaxed) }
+        let ignored = if monotonic_ns() < self.ignored_until_ns.load(Ordering::Relaxed) { Self::IGNORED } else { 0 };
+        HealthFlags { inputs, node: self.node.load(Ordering::Relaxed) | ignored }
     }
 }
 

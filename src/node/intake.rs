@@ -45,11 +45,13 @@ pub enum Refusal {
     Text,
     /// Its stamp is older than the node takes, or as far ahead.
     Old,
+    /// Its sender is not among the commanders.
+    NotCommander,
 }
 
 impl Refusal {
     /// All reasons, in the order of their counts.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::NotFinite,
         Self::OutOfRange,
         Self::BadStamp,
@@ -60,6 +62,7 @@ impl Refusal {
         Self::FieldAbsent,
         Self::Text,
         Self::Old,
+        Self::NotCommander,
     ];
 
     /// The reason in words.
@@ -76,6 +79,7 @@ impl Refusal {
             Self::FieldAbsent => "without the field that the map names",
             Self::Text => "text, where the map expects a number",
             Self::Old => "a stamp older than max_stamp_age, or as far ahead",
+            Self::NotCommander => "from a sender that is not among the commanders",
         }
     }
 }

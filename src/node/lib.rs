@@ -22,6 +22,7 @@ pub mod arguments;
 pub mod bus;
 pub mod bus_map;
 pub mod clock;
+pub mod commanders;
 pub mod control;
 pub mod core;
 pub mod corrected;

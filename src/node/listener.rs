@@ -7,6 +7,7 @@ mod samples;
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
+use std::rc::Rc;
 use std::sync::Mutex;
 use std::thread::Thread;
 
@@ -23,6 +24,7 @@ use super::bus::{Bus, BusError};
 use super::bus_map::InputNames;
 use super::bus_map::subscriber::OpenedTopic;
 use super::clock;
+use super::commanders::Commanders;
 use super::core::{InputEvent, NodeInput};
 use super::health::Health;
 use super::intake::competing_publishers::CompetingPublishers;
@@ -38,6 +40,7 @@ use super::services::steps::StepsAction;
 use super::services::upkeep::UpkeepServices;
 use super::services::{Aftermath, ParameterServices, ServiceContext};
 use super::settings::NodeSettings;
+use super::tap::Tap;
 use govtwin_bag::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 
 /// Topic of the state measured on the real unit.
@@ -52,6 +55,8 @@ pub struct Subscriptions {
     services: (ParameterServices, UpkeepServices, SimulationServices),
     action: StepsAction,
     parameter_events: Publisher<raw::ParameterEvent>,
+    /// What nodes say of themselves, where it matters who commands.
+    graph: Option<Tap>,
 }
 
 /// The inputs in messages of our own types.
@@ -67,7 +72,11 @@ impl Subscriptions {
     ///
     /// # Errors
     /// When DDS refuses one.
-    pub fn open(bus: &mut Bus, settings: &NodeSettings, adapts: bool, is_mapped: bool) -> Result<Self, BusError> {
+    pub fn open(
+        bus: &mut Bus,
+        settings: &NodeSettings,
+        (adapts, is_mapped, has_commanders): (bool, bool, bool),
+    ) -> Result<Self, BusError> {
         let time = settings.pace().time;
         let services =
             (ParameterServices::open(bus)?, UpkeepServices::open(bus)?, SimulationServices::open(bus, time)?);
@@ -95,6 +104,7 @@ impl Subscriptions {
             measured: if adapts && !is_mapped { Some(bus.subscribe(MEASURED)?) } else { None },
             clock: if settings.use_sim_time { Some(bus.subscribe_with("/clock", qos::followed())?) } else { None },
             parameter_events: bus.parameter_events()?,
+            graph: if has_commanders { Some(bus.tap_graph()?) } else { None },
         })
     }
 }
@@ -104,6 +114,11 @@ impl Subscriptions {
     #[must_use]
     pub fn action(&self) -> &StepsAction {
         &self.action
+    }
+
+    /// What nodes say of themselves, where it matters who commands.
+    pub(super) fn graph(&self) -> Option<&Tap> {
+        self.graph.as_ref()
     }
 }
 
@@ -133,6 +148,7 @@ pub struct Listener<'a> {
     pub clock: &'a clock::ClockHeard,
     /// What is wrong with the inputs, for whoever tells of it.
     pub health: &'a Health,
+    commanders: Rc<Commanders<'a>>,
     time: Cell<TimeSource>,
     max_stamp_age_ns: Cell<Option<i64>>,
     stamps: RefCell<[StampWatch; NodeInput::COUNT]>,
@@ -167,6 +183,7 @@ impl<'a> Listener<'a> {
         node_events: Teller,
         counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
         (clock, health): (&'a clock::ClockHeard, &'a Health),
+        commanders: Rc<Commanders<'a>>,
     ) -> Self {
         Self {
             bus,
@@ -175,6 +192,7 @@ impl<'a> Listener<'a> {
             counts,
             clock,
             health,
+            commanders,
             time: Cell::new(TimeSource::Wall),
             max_stamp_age_ns: Cell::new(None),
             stamps: RefCell::default(),
@@ -334,6 +352,15 @@ impl<'a> Listener<'a> {
         let competing = self.competing.borrow()[input as usize].compete();
         self.health.set(input, flags | if competing { Health::COMPETING } else { 0 });
         outcome
+    }
+
+    /// Whether a sender may command; one that may not is told of once.
+    fn may_command(&self, sender: Gid, what: &str) -> bool {
+        let may = self.commanders.may(sender);
+        if let Some(who) = (!may).then(|| self.commanders.introduce(sender)).flatten() {
+            self.say(LogLevel::Warn, format!("{what}: {who} is not among the commanders: what it sends is ignored"));
+        }
+        may
     }
 
     fn say(&self, level: LogLevel, words: String) {

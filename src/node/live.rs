@@ -6,6 +6,7 @@ mod supervisor;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Thread;
 use std::time::Duration;
@@ -23,6 +24,7 @@ use super::arguments::Arguments;
 use super::bus::{Bus, BusError};
 use super::bus_map::subscriber::OpenedTopic;
 use super::bus_map::{BusMap, InputNames};
+use super::commanders::{AllowList, Commanders};
 use super::core::NodeInput;
 use super::environment::Environment;
 use super::intake::TopicCounts;
@@ -65,6 +67,8 @@ pub struct RunOptions {
     pub settings: NodeSettings,
     /// Callers may ask, and change nothing.
     pub read_only: bool,
+    /// Who may command, between commas; all where it is empty.
+    pub commanders: String,
     /// End after so long.
     pub duration: Option<Duration>,
     /// Folder of the bag to write.
@@ -141,7 +145,7 @@ pub fn run_together(
     let tell = |level, words: &str| (say.borrow_mut())(level, words);
     let (mut outlets, mut loops, mut hearers, mut supervisors) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (((station, parts), journal), replies) in stations.iter().zip(parts).zip(journals).zip(&replies) {
-        let Parts { health, store, fixed_unit, integrator, ends, subscriber, opened, names } = parts;
+        let Parts { health, store, allowed, fixed_unit, integrator, ends, subscriber, opened, names } = parts;
         let Ends { events, refits, retired, outputs, answers } = ends;
         let (node_events, heard) = way();
         let action = station.subscriptions.action();
@@ -158,7 +162,8 @@ pub fn run_together(
         let heard = (health, journal, heard);
         supervisors.push(Supervisor::new(station, heard, state, (prefix, names.clone(), subscriber), &tell));
         let ways = (events, refits, retired);
-        hearers.push(Hearer { station, replies, store, fixed_unit, node_events, ways, mapped: (names, opened) });
+        let mapped = (names, opened);
+        hearers.push(Hearer { station, replies, store, allowed, fixed_unit, node_events, ways, mapped });
     }
 
     let share = loops.len().div_ceil(threads.max(1));
@@ -272,6 +277,7 @@ struct Hearer<'a, 'p> {
     station: &'p Station,
     replies: &'a Replies<'p>,
     store: ParameterStore,
+    allowed: AllowList,
     fixed_unit: Option<&'static str>,
     node_events: Teller,
     ways: Ways,
@@ -291,15 +297,18 @@ struct UnitHearing<'a, 'p> {
 
 impl<'a, 'p> Hearer<'a, 'p> {
     fn into_hearing(self, stepper: &Thread, (layout, read_only): (ServiceMapping, bool)) -> UnitHearing<'a, 'p> {
-        let Self { station, replies, store, fixed_unit, node_events, ways, mapped: (names, opened) } = self;
+        let Self { station, replies, store, allowed, fixed_unit, node_events, ways, mapped: (names, opened) } = self;
         let (events, refits, retired) = ways;
         let integrator = Loop { events, refits, retired, thread: stepper.clone() };
+        let commanders = Rc::new(Commanders::new(allowed, station.subscriptions.graph(), &station.health));
+        let shared = (&station.clock, &station.health);
         let listener =
-            Listener::new(&station.bus, integrator, node_events, &station.counts, (&station.clock, &station.health))
+            Listener::new(&station.bus, integrator, node_events, &station.counts, shared, Rc::clone(&commanders))
                 .with_map(names, opened);
         let mut services = ServiceContext::new(store, layout, &station.least);
         services.fixed_unit = fixed_unit;
         services.read_only = read_only;
+        services.commanders = Some(commanders);
         UnitHearing { station, replies, listener, services }
     }
 }

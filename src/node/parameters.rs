@@ -122,6 +122,8 @@ impl ParameterStore {
             let doc = "Whether each order to step waits for a new sample of this input, which is then read reliably";
             add(&format!("steps.await.{name}"), awaited, Domain::Bool, true, doc);
         }
+        let commanders = "Who may command, between commas: full names of nodes, `/bench/*` for several, or beginnings of ids; all where empty";
+        add("commanders", ParameterValue::String(String::new()), Domain::Text, true, commanders);
         let paused = "Whether the simulation stands at first, to be stepped or played by its services";
         add("start_paused", ParameterValue::Boolean(settings.paused), Domain::Bool, true, paused);
         for row in ENTRIES {
@@ -210,7 +212,7 @@ impl ParameterStore {
                 ParameterValue::Integer(*value as i64)
             }
             (Domain::Bool, ParameterOverride::Bool(value)) => ParameterValue::Boolean(*value),
-            (Domain::Choice(_), ParameterOverride::Text(text)) => ParameterValue::String(text.clone()),
+            (Domain::Choice(_) | Domain::Text, ParameterOverride::Text(text)) => ParameterValue::String(text.clone()),
             (_, given) => return Err(format!("`{name}` is {}, not {given}", domain.words())),
         };
         domain.check(name, &value)?;
@@ -313,7 +315,7 @@ impl ParameterStore {
                 Domain::Whole(from_value, to_value) => {
                     descriptor.integer_range.push(raw::IntegerRange { from_value, to_value, step: 1 });
                 }
-                Domain::Bool => {}
+                Domain::Bool | Domain::Text => {}
                 Domain::Choice(_) => descriptor.additional_constraints = entry.domain.words(),
             }
         }

@@ -7,6 +7,7 @@ pub mod steps;
 pub mod upkeep;
 
 use std::cell::{Cell, RefCell};
+use std::rc::Rc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use futures::stream::LocalBoxStream;
@@ -16,10 +17,11 @@ use ros2_client::rcl_interfaces::{
     GetParametersRequest, GetParametersResponse, ListParametersRequest, ListParametersResponse, ListParametersResult,
     SetParametersAtomicallyResponse, SetParametersRequest, SetParametersResponse,
 };
-use ros2_client::{ParameterValue, ServiceMapping};
+use ros2_client::{Gid, ParameterValue, ServiceMapping};
 
 use self::call::Calls;
 use super::bus::{Bus, BusError};
+use super::commanders::Commanders;
 use super::control::{Order, Ticket};
 use super::parameters::{ParameterStore, words_of};
 use super::refit::Refit;
@@ -69,11 +71,17 @@ pub struct ServiceContext<'a> {
     layout: ServiceMapping,
     /// Callers may ask, and change nothing.
     pub read_only: bool,
+    /// Who may call for changes; all where there is no list.
+    pub commanders: Option<Rc<Commanders<'a>>>,
+    /// Who calls now.
+    caller: Cell<Gid>,
 }
 
 /// Why a node refuses what would change it.
-pub(super) const READ_ONLY: &str =
-    "this node is read-only (`--read-only`): it answers questions, and nobody changes it by a call";
+const READ_ONLY: &str = "this node is read-only (`--read-only`): it answers questions, and nobody changes it by a call";
+
+/// Why a node refuses a change to a caller who is not on its list.
+const NOT_COMMANDER: &str = "only the commanders of this node (`--commanders`) change it; the caller is not among them, as the graph of ROS has it";
 
 impl<'a> ServiceContext<'a> {
     /// A context for these parameters; `layout` is that of callers whose vendor does not say which it is, `least` the level below which nothing is told.
@@ -86,7 +94,15 @@ impl<'a> ServiceContext<'a> {
             least,
             layout,
             read_only: false,
+            commanders: None,
+            caller: Cell::new(Gid::ZERO),
         }
+    }
+
+    /// Why the caller of now may not change the node; none where it may.
+    pub(super) fn refusal(&self) -> Option<&'static str> {
+        let may = || self.commanders.as_ref().is_none_or(|commanders| commanders.may(self.caller.get()));
+        if self.read_only { Some(READ_ONLY) } else { (!may()).then_some(NOT_COMMANDER) }
     }
 
     /// The level below which nothing is told.
@@ -169,8 +185,8 @@ impl ParameterServices {
 /// Sets all or none.
 fn set(items: &[raw::Parameter], context: &ServiceContext<'_>, aftermath: &mut Aftermath) -> raw::SetParametersResult {
     let refuse = |reason| raw::SetParametersResult { successful: false, reason };
-    if context.read_only {
-        return refuse(READ_ONLY.to_owned());
+    if let Some(reason) = context.refusal() {
+        return refuse(reason.to_owned());
     }
     let mut changed = context.store.borrow().clone();
     let mut words = Vec::new();

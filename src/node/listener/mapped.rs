@@ -56,6 +56,12 @@ impl Listener<'_> {
                     gates[input as usize].refuse(Refusal::ForeignType);
                 }
             }
+            Ok(sample) if !self.may_command(sample.sender, &self.label_of(heard)) => {
+                let mut gates = self.gates.borrow_mut();
+                for &input in &heard.inputs {
+                    gates[input as usize].refuse(Refusal::NotCommander);
+                }
+            }
             Ok(sample) => {
                 let lost = self.numbers.borrow_mut().take(sample.sender, sample.number);
                 heard.inputs.iter().for_each(|&input| self.gates.borrow_mut()[input as usize].miss(lost));
@@ -104,6 +110,12 @@ impl Listener<'_> {
         if !(spool_pu.is_nan() && servomotor_pu.is_nan()) {
             self.tell(InputEvent::Measured { spool_pu, servomotor_pu });
         }
+    }
+
+    /// The topic of a map in words.
+    fn label_of(&self, heard: &HeardTopic) -> String {
+        let input = heard.inputs.first().map(|&input| self.names.labels[input as usize].clone());
+        input.unwrap_or_else(|| "measured positions of the map".to_owned())
     }
 
     fn refuse(&self, input: NodeInput, refusal: Refusal) {

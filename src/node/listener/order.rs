@@ -55,7 +55,8 @@ impl Listener<'_> {
 
     /// A time of the clock.
     fn tick(&self, sample: Sample<Clock>) {
-        if let Some(time_ns) = sample.ok().and_then(|(clock, _)| clock.clock.nanos()) {
+        let Ok((clock, info)) = sample else { return };
+        if let Some(time_ns) = clock.clock.nanos().filter(|_| self.may_command(info.publisher_gid(), "/clock")) {
             self.clock.note(time_ns, monotonic_ns());
             self.tell(InputEvent::Clock(time_ns));
         }
@@ -110,10 +111,10 @@ mod tests {
             place: (time_ns, is_clock),
             take: Box::new(move || taken_ref.borrow_mut().push(name)),
         };
-        let queue = |samples: Vec<Arrived<'_>>| RefCell::new(VecDeque::from(samples));
         // The clock's queue has more ticks than there are commands, and one command comes while the others are looked at.
-        let clock = queue(vec![arrived(10, true, "t10"), arrived(20, true, "t20"), arrived(30, true, "t30")]);
-        let commands = queue(vec![arrived(20, false, "c20"), arrived(25, false, "c25")]);
+        let clock = [(10, "t10"), (20, "t20"), (30, "t30")].map(|(time_ns, name)| arrived(time_ns, true, name));
+        let clock = RefCell::new(VecDeque::from(clock));
+        let commands = RefCell::new(VecDeque::from([arrived(20, false, "c20"), arrived(25, false, "c25")]));
         let late = RefCell::new(Some(arrived(5, false, "c5")));
         let queues: [Queue<'_>; 2] = [
             Box::new(|| clock.borrow_mut().pop_front()),

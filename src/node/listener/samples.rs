@@ -70,6 +70,10 @@ impl Listener<'_> {
                 gate.refuse(Refusal::ForeignType);
                 None
             }
+            Ok((_, info)) if !self.may_command(info.publisher_gid(), &self.names.labels[input as usize]) => {
+                gate.refuse(Refusal::NotCommander);
+                None
+            }
             Ok((message, info)) => {
                 let refusal = take(&message, info.publisher_gid(), gate).err();
                 refusal.map(|refusal| (refusal, gate.counts().refused(refusal) == 1))
@@ -111,7 +115,8 @@ impl Listener<'_> {
         let Ok((state, info)) = sample else { return };
         let [spool_pu, servomotor_pu] = [state.spool_position, state.servomotor_position]
             .map(|position_pu| if position_pu.abs() <= FARTHEST_PU { position_pu } else { f64::NAN });
-        if !self.is_foreign(info.publisher_gid(), ServoState::TYPE_NAME) {
+        let sender = info.publisher_gid();
+        if !self.is_foreign(sender, ServoState::TYPE_NAME) && self.may_command(sender, super::MEASURED) {
             self.tell(InputEvent::Measured { spool_pu, servomotor_pu });
         }
     }

@@ -5,13 +5,15 @@ use std::sync::Mutex;
 use std::sync::atomic::AtomicU8;
 
 use futures::channel::mpsc;
-use ros2_client::Publisher;
 use ros2_client::log::LogLevel;
+use ros2_client::{ParameterValue, Publisher};
 
+use super::super::arguments::ParameterOverride;
 use super::super::bus::{Bus, BusError};
 use super::super::bus_map::InputNames;
 use super::super::bus_map::subscriber::{MapSubscriber, OpenedTopic};
 use super::super::clock::ClockHeard;
+use super::super::commanders::AllowList;
 use super::super::control::RunState;
 use super::super::core::{Core, NodeInput};
 use super::super::diagnostics::{self, DiagnosticArray};
@@ -54,6 +56,7 @@ pub(super) struct Station {
 pub(super) struct Parts {
     pub(super) health: Publisher<DiagnosticArray>,
     pub(super) store: ParameterStore,
+    pub(super) allowed: AllowList,
     pub(super) fixed_unit: Option<&'static str>,
     pub(super) integrator: Integrator,
     pub(super) ends: Ends,
@@ -67,6 +70,11 @@ impl Station {
     pub(super) fn open(options: &RunOptions, beside: Option<&Bus>, say: Say<'_>) -> Result<(Self, Parts), NodeError> {
         let store = parameters(options, say)?;
         let (settings, unit) = (store.settings(), store.unit().clone());
+        let commanders = match store.value("commanders") {
+            ParameterValue::String(names) => names,
+            _ => String::new(),
+        };
+        let allowed = AllowList::parse(&commanders).map_err(NodeError::Parameter)?;
         let corrector = corrector(options, &unit, settings.rate_hz)?;
         if let Some(model) = &options.residual {
             say(LogLevel::Info, &format!("the residual was {}", rate::assumed(model)));
@@ -83,12 +91,23 @@ impl Station {
             Some(bus) => bus.beside(arguments)?,
             None => Bus::open(&options.environment, arguments)?,
         };
+        if options.read_only {
+            say(LogLevel::Info, "read-only: callers may ask, and change nothing; inputs are taken");
+        }
+        if !allowed.is_empty() {
+            let words = format!(
+                "commanders: {commanders}; what others send is ignored, and they change nothing. Names and ids are what senders say of \
+                 themselves: without DDS Security they prove nothing"
+            );
+            say(LogLevel::Info, &words);
+        }
         for (level, words) in startup::words(&bus, &options.environment, &settings, options.map.as_ref()) {
             say(level, &words);
         }
         // All endpoints are made before anything runs: announcements in a burst later may be lost.
         let is_mapped = options.map.is_some();
-        let subscriptions = Subscriptions::open(&mut bus, &settings, options.adapt, is_mapped)?;
+        let wants = (options.adapt, is_mapped, !allowed.is_empty());
+        let subscriptions = Subscriptions::open(&mut bus, &settings, wants)?;
         let (subscriber, opened) = match &options.map {
             Some(map) => {
                 let (way, opened) = mpsc::unbounded();
@@ -116,7 +135,7 @@ impl Station {
             counts: Mutex::default(),
         };
         let names = InputNames::new(options.map.as_ref());
-        Ok((station, Parts { health, store, fixed_unit, integrator, ends, subscriber, opened, names }))
+        Ok((station, Parts { health, store, allowed, fixed_unit, integrator, ends, subscriber, opened, names }))
     }
 
     /// The state in which its simulation begins.
@@ -145,6 +164,7 @@ fn corrector(options: &RunOptions, unit: &Unit, rate_hz: f64) -> Result<Option<C
 fn parameters(options: &RunOptions, say: Say<'_>) -> Result<ParameterStore, NodeError> {
     let settings = options.map.as_ref().map_or(options.settings, |map| map.settings(options.settings));
     let mut store = ParameterStore::new(&settings, &options.unit);
+    store.preset("commanders", &ParameterOverride::Text(options.commanders.clone())).map_err(NodeError::Parameter)?;
     for (name, given) in &options.arguments.parameters {
         if name.starts_with(qos::PREFIX) {
             // The bus knows what to do with them.
@@ -211,6 +231,7 @@ mod tests {
             adapt: false,
             settings: NodeSettings::default(),
             read_only: false,
+            commanders: String::new(),
             duration: None,
             bag: None,
         };

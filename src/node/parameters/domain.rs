@@ -9,6 +9,7 @@ pub(super) enum Domain {
     Real(f64, f64),
     Whole(i64, i64),
     Choice(&'static [&'static str]),
+    Text,
 }
 
 impl Domain {
@@ -18,12 +19,13 @@ impl Domain {
             Self::Real(least, largest) => format!("a number from {least} to {largest}"),
             Self::Whole(least, largest) => format!("a whole number from {least} to {largest}"),
             Self::Choice(names) => format!("one of {}", names.join(", ")),
+            Self::Text => "a text".to_owned(),
         }
     }
 
     pub(super) fn check(self, name: &str, value: &ParameterValue) -> Result<(), String> {
         let right = match (self, value) {
-            (Self::Bool, ParameterValue::Boolean(_)) => true,
+            (Self::Bool, ParameterValue::Boolean(_)) | (Self::Text, ParameterValue::String(_)) => true,
             (Self::Real(least, largest), ParameterValue::Double(value)) => (least..=largest).contains(value),
             (Self::Whole(least, largest), ParameterValue::Integer(value)) => (least..=largest).contains(value),
             (Self::Choice(names), ParameterValue::String(value)) => names.contains(&value.as_str()),

@@ -27,7 +27,7 @@ enum Way {
     /// Without a look back.
     Free(Publisher<Encoded>),
     /// So that it is known when they have arrived.
-    Awaited(AwaitedWriter),
+    Awaited(Box<AwaitedWriter>),
 }
 
 /// A writer whose samples are acknowledged. Publishers of ros2-client do not give that away, so this one is opened beside them.
@@ -78,7 +78,7 @@ impl Outlet {
     ) -> Result<Self, BusError> {
         let qos = qos::played(profiles);
         let way = if awaits {
-            Way::Awaited(bus.publish_awaited(topic, kind, qos)?)
+            Way::Awaited(Box::new(bus.publish_awaited(topic, kind, qos)?))
         } else {
             Way::Free(bus.publish_as(topic, kind, qos)?)
         };

@@ -98,6 +98,7 @@ impl Calls {
             let request = identity(&info);
             let sender = info.publisher_gid();
             self.meet(sender);
+            context.caller.set(sender);
             let id = sender.to_bytes16();
             if let Some((asked, cyclone)) = decode(body.bytes(), context.layout_of([id[0], id[1]])) {
                 take(asked, Caller { request, cyclone }, &mut aftermath);

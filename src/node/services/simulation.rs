@@ -12,7 +12,7 @@ use super::super::integration::TimeSource;
 use super::super::policy::NodeInput;
 use super::call::Calls;
 use super::replies::Replies;
-use super::{Aftermath, READ_ONLY, ServiceContext};
+use super::{Aftermath, ServiceContext};
 use govtwin_bag::msg::service::{Nothing, Trigger, TriggerResponse};
 use govtwin_bag::msg::simulation::{
     FeaturesResponse, GetSimulationState, GetSimulatorFeatures, ResetRequest, ResetSimulation, ResultResponse,
@@ -113,8 +113,10 @@ pub(super) fn allowed(
     context: &ServiceContext<'_>,
     order: Result<Order, SimulationResult>,
 ) -> Result<Order, SimulationResult> {
-    let refusal = || SimulationResult::refused(SimulationResult::FEATURE_UNSUPPORTED, READ_ONLY);
-    if context.read_only { Err(refusal()) } else { order }
+    match context.refusal() {
+        Some(reason) => Err(SimulationResult::refused(SimulationResult::FEATURE_UNSUPPORTED, reason)),
+        None => order,
+    }
 }
 
 /// Gives an order to the loop, or says at once why not.

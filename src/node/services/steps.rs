@@ -76,7 +76,7 @@ impl StepsAction {
                 self.goal.respond(&caller, &SendGoalResponse { accepted, stamp });
             }),
             self.cancel.attend(context, move |request: CancelRequest, caller, aftermath| {
-                if context.read_only {
+                if context.refusal().is_some() {
                     self.cancel.respond(
                         &caller,
                         &CancelResponse { return_code: CancelResponse::REJECTED, ..CancelResponse::default() },

@@ -4,7 +4,7 @@ use futures::stream::LocalBoxStream;
 
 use super::super::bus::{Bus, BusError};
 use super::call::Calls;
-use super::{Aftermath, MOST_ITEMS, READ_ONLY, ServiceContext};
+use super::{Aftermath, MOST_ITEMS, ServiceContext};
 use govtwin_bag::msg::definition::{Definition, closure_of, text_of};
 use govtwin_bag::msg::type_hash::{field_type, hash_of};
 use govtwin_bag::msg::upkeep::{
@@ -50,8 +50,10 @@ impl UpkeepServices {
             }),
             self.set_levels.answer(context, move |request: Levels, context, aftermath| {
                 let items = request.levels.iter().take(MOST_ITEMS);
-                let wanted = |item: &LoggerLevel| {
-                    if context.read_only { Err(READ_ONLY.to_owned()) } else { level(item, logger) }
+                let refusal = context.refusal();
+                let wanted = |item: &LoggerLevel| match refusal {
+                    Some(reason) => Err(reason.to_owned()),
+                    None => level(item, logger),
                 };
                 let set = |item: &LoggerLevel| match wanted(item) {
                     Ok((least, word)) => {
