@@ -21,10 +21,9 @@ use super::player::outlet::AwaitedWriter;
 use super::qos::{self, best_effort, kept, reliable};
 use super::services::call::Calls;
 use super::tap::Tap;
-use super::transport;
+use super::{transport, type_hashes};
 use govtwin_bag::msg::Interface;
 use govtwin_bag::msg::service::Service;
-use govtwin_bag::msg::type_hash::type_hash;
 
 /// The node cannot come on the bus.
 #[derive(Debug, thiserror::Error)]
@@ -262,6 +261,13 @@ impl Bus {
         let topic = |name: String, half: &str| {
             participant.create_topic(name, dds_type(&format!("{type_name}_{half}")), &qos, TopicKind::NoKey)
         };
+        let of_service = type_hashes::hash(type_name);
+        for (name, half) in [(format!("rq{full_name}Request"), "Request"), (format!("rr{full_name}Reply"), "Response")]
+        {
+            if let Some(hash) = type_hashes::hash(&format!("{type_name}_{half}")) {
+                transport::announce_hash(&participant, &name, &hash, of_service.as_deref());
+            }
+        }
         let refused = |source: rustdds::dds::CreateError| BusError::open(&full_name, source);
         let requests = topic(format!("rq{full_name}Request"), "Request").map_err(refused)?;
         let responses = topic(format!("rr{full_name}Reply"), "Response").map_err(refused)?;
@@ -349,9 +355,9 @@ impl Bus {
 
 /// Lets a topic's endpoints announce this hash, or that of a type which the crate carries.
 fn announce_hash(participant: &DomainParticipant, dds_name: &str, type_name: &str, hash: Option<&str>) {
-    let own = || type_hash(type_name).ok();
+    let own = || type_hashes::hash(type_name);
     if let Some(hash) = hash.map(str::to_owned).or_else(own) {
-        transport::announce_hash(participant, dds_name, &hash);
+        transport::announce_hash(participant, dds_name, &hash, None);
     }
 }
 

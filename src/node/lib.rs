@@ -14,9 +14,7 @@
 //!
 //! Several units of one process are nodes of their own on one participant; these threads serve all of them, and more than one may integrate.
 //!
-//! What it does not do: REP-2016 type hashes of services are not announced, those of topics are; a
-//! publisher's lease, deadline and lifespan are not judged, silence is, by arrival; `ROS_STATIC_PEERS` and DDS
-//! security cannot be followed. RustDDS is the repaired copy below `vendor/`, see `transport`.
+//! What it does not do: a publisher's lease, deadline and lifespan are not judged, silence is, by arrival; DDS security cannot be followed. RustDDS is the repaired copy below `vendor/`, see `transport`.
 
 pub mod arguments;
 pub mod bus;
@@ -54,6 +52,7 @@ pub mod stats;
 mod tap;
 pub mod translator;
 pub mod transport;
+pub mod type_hashes;
 pub mod verdict;
 pub mod words;
 

@@ -33,10 +33,11 @@ trait Silent {
 
 impl Silent for DomainParticipant {}
 
-/// Lets the endpoints of a topic that are opened from now on announce the hash of its type, as those of Iron and later do; the release
-/// cannot.
-pub(super) fn announce_hash(participant: &DomainParticipant, dds_topic: &str, hash: &str) {
-    let user_data = format!("typehash={hash};").into_bytes();
+/// Lets the endpoints of a topic that are opened from now on announce the hash of its type, as those of Iron and later do, and, where they are
+/// of a service, the hash of that service, as those of Kilted and later do; the release of RustDDS cannot.
+pub(super) fn announce_hash(participant: &DomainParticipant, dds_topic: &str, hash: &str, of_service: Option<&str>) {
+    let of_service = of_service.map(|hash| format!("sertypehash={hash};")).unwrap_or_default();
+    let user_data = format!("typehash={hash};{of_service}").into_bytes();
     if is_repaired() {
         participant.set_user_data(dds_topic, user_data);
     } else {
