@@ -281,14 +281,58 @@ def hostile_packets(binary, folder):
         check("the node hears SIGINT", node.end())
 
 
+SUBSCRIBER = """
+import sys, time
+from bench import BEST_EFFORT, DOMAIN, RELIABLE, DataReader, Topic
+from cyclonedds.domain import DomainParticipant
+import types_ros as ros
+participant = DomainParticipant(DOMAIN)
+reader = DataReader(participant, Topic(participant, "rt/governor/command", ros.GovernorCommand), qos=RELIABLE)
+print("ready", flush=True)
+while True:
+    reader.take(1000)
+    time.sleep(0.01)
+"""
+
+
+def acknowledged_clock(binary):
+    """`play --clock` waits 1 s for a reliable subscriber that does not answer, goes on without it, and says so."""
+    here = os.path.dirname(os.path.abspath(__file__))
+    bag = os.path.join(here, "..", "..", "bags", "reference", "load_rejection_01.mcap")
+    for stops in (False, True):
+        subscriber = subprocess.Popen([sys.executable, "-c", SUBSCRIBER], cwd=here, stdout=subprocess.PIPE, text=True)
+        try:
+            subscriber.stdout.readline()
+            play = subprocess.Popen([binary, "play", bag, "--clock", "--speed", "10", "--duration", "60", "--json"], stdout=subprocess.PIPE,
+                                    stderr=subprocess.PIPE, text=True)
+            begin = time.monotonic()
+            time.sleep(3.0)
+            if stops:
+                subscriber.send_signal(signal.SIGSTOP)
+            out, err = play.communicate(timeout=60)
+            seconds, figures = time.monotonic() - begin, json.loads(out)
+            late = figures["unacknowledged"]
+            if stops:
+                check("a clock goes on without a subscriber that stands still, after 1 s, and says so", play.returncode == 3 and set(late) == {"/governor/command"}
+                      and "acknowledged" in err and figures["worst_delay_s"] < 1.5 and seconds < 15, f"({late}, delay {figures['worst_delay_s']:.2f} s, {seconds:.1f} s, {err!r})")
+            else:
+                check("a clock waits for a subscriber on Cyclone DDS without being late", play.returncode == 0 and late == {} and figures["worst_delay_s"] < 0.5,
+                      f"({late}, delay {figures['worst_delay_s']:.3f} s, {err!r})")
+        finally:
+            subscriber.kill()
+            subscriber.wait()
+
+
 def main():
     binary, folder = sys.argv[1], sys.argv[2]
     here = os.path.dirname(os.path.abspath(__file__))
     command = sys.argv[4:] if sys.argv[3:4] == ["--watch"] else [sys.executable, os.path.join(here, "watch.py")]
-    wanted = os.environ.get("FAULTS", "replies pauses optional hostile").split()
+    wanted = os.environ.get("FAULTS", "clock replies pauses optional hostile").split()
     if "pauses" in wanted:
         for seconds in PAUSES_S:
             pauses(binary, folder, command, os.environ.get("LEASE", f"--lease {LEASE_S}").split(), seconds)
+    if "clock" in wanted:
+        acknowledged_clock(binary)
     if "replies" in wanted:
         large_replies(binary, folder)
     if "optional" in wanted:

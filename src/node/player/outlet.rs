@@ -25,7 +25,7 @@ pub(super) struct Outlet {
 /// How samples go out.
 enum Way {
     /// Without a look back.
-    Free(Publisher<Encoded>),
+    Free(Box<Publisher<Encoded>>),
     /// So that it is known when they have arrived.
     Awaited(Box<AwaitedWriter>),
 }
@@ -80,7 +80,7 @@ impl Outlet {
         let way = if awaits {
             Way::Awaited(Box::new(bus.publish_awaited(topic, kind, qos)?))
         } else {
-            Way::Free(bus.publish_as(topic, kind, qos)?)
+            Way::Free(Box::new(bus.publish_as(topic, kind, qos)?))
         };
         Ok(Self { way, has_header })
     }
