@@ -19,6 +19,7 @@ mod number;
 mod parquet_file;
 mod recurring;
 mod resample;
+mod rewrite;
 mod row;
 mod run;
 mod source;

@@ -1,6 +1,10 @@
 //! Tables that are right and easily read wrong, made from a shipped recording, so that the right values are known: what comes out of the proposed
 //! map is the recording, or a clear question.
 
+#[path = "every_kind.rs"]
+mod every_kind;
+#[path = "formats.rs"]
+mod formats;
 #[path = "kinds_of_values.rs"]
 mod values;
 

@@ -239,14 +239,3 @@ fn two_levels_are_no_saturation() {
     let (_, outcome) = super::super::rows_of(&text, map).unwrap();
     assert!(!outcome.warnings.iter().any(|warning| warning.contains("saturated")), "{:?}", outcome.warnings);
 }
-
-#[test]
-fn formats_that_are_not_read_are_named_with_the_way_out() {
-    for (bytes, words) in
-        [(&b"MDF     4.10    asammdf "[..], "MDF"), (b"--- file type: CFG ---\r\nSTATION,1,1999\r\n", "COMTRADE")]
-    {
-        let (_folder, path) = file("t.dat", bytes);
-        let error = propose(&path).unwrap_err().to_string();
-        assert!(error.contains(words) && error.contains("CSV"), "{error}");
-    }
-}

@@ -48,6 +48,8 @@ pub enum Format {
     },
     /// Days since 30 December 1899, local time.
     Excel,
+    /// Millionths of a day since 30 December 1899, local time, as WinCC writes them.
+    WinCc,
     /// Days since the year 0, local time.
     Matlab,
     /// ISO 8601, with or without offset.
@@ -64,7 +66,7 @@ const DOTNET_S: i64 = -62_135_596_800;
 const LABVIEW_S: i64 = -2_082_844_800;
 
 /// Names of formats that are no patterns.
-const NAMED: [(&str, Format); 17] = [
+const NAMED: [(&str, Format); 18] = [
     ("iso", Format::Iso),
     ("unix_s", Format::Epoch { unit_ns: 1_000_000_000, zero_s: 0 }),
     ("unix_ms", Format::Epoch { unit_ns: 1_000_000, zero_s: 0 }),
@@ -81,6 +83,7 @@ const NAMED: [(&str, Format); 17] = [
     ("minutes", Format::Relative { unit_ns: 60_000_000_000 }),
     ("hours", Format::Relative { unit_ns: 3_600_000_000_000 }),
     ("excel", Format::Excel),
+    ("wincc_ms", Format::WinCc),
     ("matlab", Format::Matlab),
 ];
 
@@ -214,6 +217,11 @@ impl TimeReader {
                 self.unwrapped(count_ns, unit_ns).saturating_add(self.start_ns)
             }
             Format::Excel => self.serial(count(DAY_NS)?, EXCEL_DAYS)?,
+            Format::WinCc => {
+                let since_ns = count(DAY_NS / 1_000_000)?.checked_sub(EXCEL_DAYS * 86_400_000_000_000);
+                let local_ns = since_ns.ok_or("a day beyond all calendars")?;
+                self.local((local_ns + 500).div_euclid(1000) * 1000)?
+            }
             Format::Matlab => {
                 let days_ns =
                     decimal_ns(&self.numbers.plain(text), DAY_NS / 1000).ok_or_else(|| wanted(&self.format))?;

@@ -14,6 +14,7 @@ use super::ImportError;
 use super::dialect::{Dialect, sniff};
 use super::map::FileMap;
 use super::number::{NumberCell, Numbers};
+use super::rewrite::plain_table;
 use super::source::channel::{Bad, ChannelValue};
 use super::source::head::TableHead;
 use super::source::records::TableRecords;
@@ -162,8 +163,9 @@ fn decoded(path: &Path, encoding: Option<&'static Encoding>, counts: &Counts) ->
     let file = File::open(path).map_err(ImportError::io(path, "open"))?;
     let counted = Counted { file, counts: counts.clone() };
     let inner = DecodeReaderBytesBuilder::new().encoding(encoding).bom_override(true).strip_bom(true).build(counted);
+    let inner = plain_table(inner).map_err(ImportError::io(path, "read"))?;
     counts.left.set(LONGEST_RECORD_BYTES);
-    Ok(Bounded { inner: Box::new(inner), counts: counts.clone() })
+    Ok(Bounded { inner, counts: counts.clone() })
 }
 
 /// The encoding that the map names, or that the first bytes show; none for UTF-8.

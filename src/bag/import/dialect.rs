@@ -1,8 +1,8 @@
 //! How a table is laid out, found out from its first lines: separator, decimal sign, where names, units and data stand.
 
-use super::convert::is_unit;
+use super::convert::{is_unit, pressure};
 use super::map::FileMap;
-use super::number::{NumberCell, Numbers};
+use super::number::{NumberCell, Numbers, groups};
 
 /// Lines of a sample that are looked at.
 const MOST_LINES: usize = 200;
@@ -45,7 +45,8 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
     let width = most_common(cells.iter().filter(|row| !is_blank(row)).map(Vec::len))
         .ok_or("expected a table, found no line with text in it")?;
     let decimal = map.decimal.unwrap_or_else(|| decimal(&cells, separator, width));
-    let numbers = Numbers { decimal, thousands: map.thousands, missing: map.missing.clone() };
+    let thousands = map.thousands.or_else(|| cells.iter().flatten().find_map(|cell| groups(cell, decimal)));
+    let numbers = Numbers { decimal, thousands, missing: map.missing.clone() };
     let data = |row: &Vec<String>| is_data(row, width, &numbers);
     let header = map.header_line.filter(|line| *line > 0);
     let begin = if let Some(line) = map.first_line {
@@ -156,13 +157,20 @@ fn no_data(cells: &[Vec<String>], separator: u8) -> String {
     )
 }
 
-/// A name and the unit in brackets at its end, `p_tank [bar]`.
+/// A name and the unit at its end: in brackets, `p_tank [bar]`, or behind a sign or word, `p tank / bar`, `Y, %`, `Y in mm`, `p_tank bar`.
 pub(super) fn bracketed(name: &str) -> Option<(&str, &str)> {
     let name = name.trim();
-    let open = name.rfind(['[', '('])?;
-    let unit = name[open + 1..].strip_suffix([']', ')'])?;
-    let unit = unit.trim();
-    (is_unit(unit) && open > 0).then(|| (name[..open].trim(), unit))
+    if let Some(open) = name.rfind(['[', '(']) {
+        let unit = name[open + 1..].strip_suffix([']', ')'])?.trim();
+        return (is_unit(unit) && open > 0).then(|| (name[..open].trim(), unit));
+    }
+    let (rest, unit) = name.rsplit_once([' ', '/', ','])?;
+    // Letters that stand alone tell signals apart as well.
+    let sure = (pressure(unit).is_some() && unit != "at") || ["%", "‰", "mm", "mA", "ms", "kPa"].contains(&unit);
+    let rest = rest.trim_end();
+    let behind = [" /", " in", ","].iter().find_map(|sign| rest.strip_suffix(sign));
+    let stated = behind.filter(|_| is_unit(unit)).or((sure && unit.len() > 1 || unit == "%").then_some(rest));
+    stated.map(str::trim).filter(|bare| !bare.is_empty()).map(|bare| (bare, unit))
 }
 
 /// The separator by which most lines have the same number of cells, more than one.
@@ -293,6 +301,32 @@ mod tests {
         assert_eq!(found.units, ["s", "%", "MPa"]);
         let comma = of("Zeit;Y\n0,5 s;70,8 mm\n1,5 s;70,9 mm\n");
         assert_eq!((comma.numbers.decimal, comma.in_cells), (',', vec!["s".to_owned(), "mm".to_owned()]));
+    }
+
+    #[test]
+    fn a_name_may_end_with_its_unit() {
+        for (name, found) in [
+            ("p_tank [bar]", Some(("p_tank", "bar"))),
+            ("p kPa", Some(("p", "kPa"))),
+            ("cmd %", Some(("cmd", "%"))),
+            ("t / s", Some(("t", "s"))),
+            ("Weg in mm", Some(("Weg", "mm"))),
+            ("Y, %", Some(("Y", "%"))),
+            ("p/bar", Some(("p", "bar"))),
+            ("Date/Time", None),
+            ("gov/a", None),
+            ("Y at", None),
+            ("Oil pressure", None),
+            ("%", None),
+        ] {
+            assert_eq!(bracketed(name), found, "{name}");
+        }
+    }
+
+    #[test]
+    fn groups_of_digits_are_seen_where_they_can_be_nothing_else() {
+        assert_eq!(of("t;p\n0,5;6.323,0\n1,5;6.324,5\n").numbers.thousands, Some('.'));
+        assert_eq!(of("t;p\n0.5;6,323\n1.5;6,324\n").numbers.thousands, None);
     }
 
     #[test]

@@ -32,6 +32,8 @@ const MOVES_PU: f64 = 0.03;
 const GAP_S: f64 = 0.1;
 /// Positions that go beyond are in another unit, pu.
 const IN_PU: f64 = 1.6;
+/// A value that is farther from all others than so many times their range is none of theirs.
+const STANDS_IN: f64 = 3.0;
 /// The share of samples with the time of the one before that is worth a word.
 const REPEATED_SHARE: f64 = 0.01;
 
@@ -75,6 +77,8 @@ struct AtEnd {
     count: u64,
     run: u64,
     longest: u64,
+    /// The farthest of all other values.
+    next: Option<f64>,
 }
 
 /// One signal while it passes.
@@ -121,7 +125,10 @@ impl SignalWatch {
         let ends = self.range.ends();
         for (side, at_end) in self.at_end.iter_mut().enumerate() {
             if ends[side] != before[side] {
-                *at_end = AtEnd::default();
+                *at_end = AtEnd { next: before[side].is_finite().then_some(before[side]), ..AtEnd::default() };
+            } else if value != ends[side] {
+                let farther = if side == 0 { f64::min } else { f64::max };
+                at_end.next = Some(at_end.next.map_or(value, |next| farther(next, value)));
             }
             if value == ends[side] {
                 at_end.count += 1;
@@ -153,6 +160,25 @@ impl SignalWatch {
         let run = self.longest.filter(|run| run.count >= FROZEN.0 && run.length_s() >= FROZEN.1)?;
         let others = self.range.count.saturating_sub(run.count);
         (others > 0 && self.changes as f64 >= LIVELY_SHARE * others as f64).then_some(run)
+    }
+
+    /// A value far from all others that comes again to the last digit, with their ends: it stands for no value.
+    fn stand_in(&self) -> Option<(f64, u64, [f64; 2])> {
+        let possible = match self.target {
+            Target::TankPressure => 1.0..5e7,
+            Target::ControlPressure => -2e5..1e8,
+            _ => -IN_PU..IN_PU,
+        };
+        let [low, high] = [self.at_end[0].next?, self.at_end[1].next?];
+        let ends = self.range.ends();
+        // Beside such a value the other end is the other values' own.
+        let of = |side: usize| if side == 0 { [low, ends[1]] } else { [ends[0], high] };
+        let found = ends.into_iter().zip(&self.at_end).enumerate().find(|(side, (value, end))| {
+            let [least, most] = of(*side);
+            let apart = (least - value).max(value - most);
+            !possible.contains(value) && end.count > 1 && most > least && apart > STANDS_IN * (most - least)
+        });
+        found.map(|(side, (value, end))| (value, end.count, of(side)))
     }
 
     /// The end of the range at which it stands still again and again.
@@ -259,6 +285,14 @@ impl Findings {
             let commanded = watch.target == Target::OpeningCommand;
             let is_input = matches!(watch.target, Target::OpeningCommand | Target::TankPressure);
             if watch.target != Target::Esv {
+                if let Some((value, count, [least, most])) = watch.stand_in() {
+                    say(format!(
+                        "stands at {value} {unit} in {count} of {} samples, to the last digit, while all others lie between {least} and {most}: does \
+                         it stand for no value? Then add what the file holds there to `file: {{missing: […]}}` in the map",
+                        watch.range.count
+                    ));
+                    continue;
+                }
                 if watch.range.span() == 0.0 && watch.range.count > 1 && something_moves && !is_input {
                     let value = watch.range.ends()[0];
                     say(format!(

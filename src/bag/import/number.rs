@@ -127,9 +127,26 @@ impl Numbers {
     }
 }
 
-/// Hyphen, minus, en dash and their wide forms.
+/// Hyphen, minus, dashes and their wide forms.
 fn is_minus(letter: char) -> bool {
-    matches!(letter, '-' | '\u{2010}'..='\u{2013}' | '\u{2212}' | '\u{fe58}' | '\u{fe63}' | '\u{ff0d}')
+    matches!(
+        letter,
+        '-' | '\u{ad}' | '\u{2010}'
+            ..='\u{2015}' | '\u{207b}' | '\u{2212}' | '\u{2796}' | '\u{fe58}' | '\u{fe63}' | '\u{ff0d}'
+    )
+}
+
+/// The sign between groups of three digits of a number that has a decimal sign behind them, so that it can be nothing else.
+pub(super) fn groups(text: &str, decimal: char) -> Option<char> {
+    let group = if decimal == ',' { '.' } else { ',' };
+    let text = text.trim().trim_start_matches(|letter| is_minus(letter) || letter == '+');
+    let (whole, part) = text.split_once(decimal)?;
+    let is_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let mut parts = whole.split(group);
+    let first = parts.next().filter(|first| is_digits(first) && first.len() <= 3)?;
+    let rest: Vec<&str> = parts.collect();
+    let grouped = !rest.is_empty() && rest.iter().all(|part| is_digits(part) && part.len() == 3);
+    (grouped && is_digits(part) && !first.is_empty()).then_some(group)
 }
 
 /// Blanks of all widths.
@@ -213,6 +230,9 @@ mod tests {
             (',', None, "3E+2", 300.0),
             ('.', None, "\u{2212}0.134", -0.134),
             (',', None, "\u{2013}0,5", -0.5),
+            ('.', None, "\u{2014}0.5", -0.5),
+            ('.', None, "\u{2796}0.5", -0.5),
+            ('.', None, "\u{ad}0.5", -0.5),
             ('.', None, "'-2.00", -2.0),
             ('.', None, "'2.00", 2.0),
             ('.', None, "12.5-", -12.5),
@@ -234,6 +254,20 @@ mod tests {
             assert_eq!(numbers('.', None).cell(text), NumberCell::Other, "{text}");
         }
         assert_eq!(numbers(',', None).cell("1.5"), NumberCell::Other, "a point beside a decimal comma");
+    }
+
+    #[test]
+    fn groups_are_seen_before_a_decimal_sign_alone() {
+        for (text, decimal, group) in [
+            ("6.323,0", ',', Some('.')),
+            ("-1,234,567.25", '.', Some(',')),
+            ("6,323", '.', None),
+            ("6,32.5", '.', None),
+            ("6323.5", '.', None),
+            ("1,2345.5", '.', None),
+        ] {
+            assert_eq!(groups(text, decimal), group, "{text}");
+        }
     }
 
     #[test]

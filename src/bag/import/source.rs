@@ -2,6 +2,7 @@
 
 pub(super) mod channel;
 pub(super) mod head;
+mod machine;
 mod order;
 pub(super) mod quality;
 pub(super) mod records;
@@ -31,8 +32,8 @@ pub enum SourceKind {
 const OTHERS: [(&[u8], &str); 11] = [
     (b"MDF     ", "a measurement file MDF; export the signals as CSV first (in asammdf: `MDF(FILE).export(\"csv\")`)"),
     (
-        b"--- file type: CFG",
-        "a COMTRADE file (.cff); export the channels as CSV first with the program of the fault recorder",
+        b"UnFinMF ",
+        "a measurement file MDF that was not finished; mend it with its program, then export the signals as CSV",
     ),
     (b"PK\x03\x04", "a workbook or zip archive; in Excel or LibreOffice save the sheet as CSV, and import that"),
     (
@@ -47,6 +48,37 @@ const OTHERS: [(&[u8], &str); 11] = [
     (b"#ROSBAG V", "a ROS 1 bag; convert it first: `rosbags-convert --src FILE --dst OUT`"),
     (b"%PDF", "a PDF; ask for the table behind it"),
 ];
+
+/// What is said of COMTRADE: crates that read it are drafts, or of some weeks, and none reads all of its forms.
+const COMTRADE: &str = "a fault recorder's COMTRADE (.cfg, .dat, .cff); export its channels as CSV first, with the names in the first line and times \
+                        from the .cfg: in Python `comtrade.load(CFG, DAT).to_dataframe().to_csv(FILE)`, or with the recorder's own program";
+
+/// Whether a file begins as the configuration of a COMTRADE recording, or as one that holds all of its parts.
+fn is_comtrade(head: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(&head[..head.len().min(1024)]);
+    let mut lines = text.lines();
+    let station = lines.next().unwrap_or_default().trim().to_lowercase();
+    // The second line counts channels: all, analogue, digital.
+    let counts: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();
+    let count = |text: &str, kind: char| {
+        let digits = text.strip_suffix([kind, kind.to_ascii_lowercase()]);
+        digits.is_some_and(|digits| !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    let counted = matches!(counts[..], [all, analogue, digital] if all.parse::<u32>().is_ok() && count(analogue, 'A') && count(digital, 'D'));
+    station.starts_with("--- file type:") || (counted && (1..=2).contains(&station.matches(',').count()))
+}
+
+/// Whether the configuration of a COMTRADE recording lies beside a file of data.
+fn beside_comtrade(path: &Path) -> bool {
+    let is_data = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("dat"));
+    let is_one = |end: &str| {
+        let mut head = vec![];
+        let path = path.with_extension(end);
+        let read = check_regular(&path).and_then(|_| File::open(&path)?.take(1024).read_to_end(&mut head));
+        read.is_ok() && is_comtrade(&head)
+    };
+    is_data && (is_one("cfg") || is_one("CFG"))
+}
 
 /// Tells what a file is by its first bytes; its name plays no part.
 ///
@@ -68,6 +100,9 @@ pub fn kind_of(path: &Path) -> Result<SourceKind, ImportError> {
     }
     if head.starts_with(b"PAR1") {
         return Ok(SourceKind::Parquet);
+    }
+    if is_comtrade(&head) || beside_comtrade(path) {
+        return Err(ImportError::file(path, format!("expected a table or a bag, found {COMTRADE}")));
     }
     if let Some((_, found)) = OTHERS.iter().find(|(magic, _)| head.starts_with(magic)) {
         return Err(ImportError::file(path, format!("expected a table or a bag, found {found}")));

@@ -14,8 +14,9 @@ use std::sync::Arc;
 use super::ImportError;
 use super::csv_file::CsvFile;
 use super::map::{FileMap, Map, Repeated, TimeMap};
+use super::number::Numbers;
 use super::source::channel::ChannelValue;
-use super::source::head::TableHead;
+use super::source::head::{TableHead, hint};
 use super::source::quality::column_of;
 use super::source::records::TableRecords;
 use super::source::table::TableSource;
@@ -59,6 +60,7 @@ pub fn suggest(path: &Path, given: &Map, on_progress: &mut dyn FnMut(f64)) -> Re
             let mut layout = given.file.clone();
             layout.separator = Some(file.dialect.separator);
             layout.decimal = Some(file.dialect.numbers.decimal);
+            layout.thousands = file.dialect.numbers.thousands;
             layout.header_line = Some(file.dialect.header_line);
             layout.unit_line = file.dialect.unit_line;
             layout.first_line = Some(file.dialect.first_line);
@@ -83,7 +85,7 @@ fn of_table<R: TableRecords>(
 ) -> Result<Suggestion, ImportError> {
     let map = Map { file: layout, time: given.time.clone(), ..Map::default() };
     let names = head.names.clone();
-    let units = head.units.clone();
+    let (units, numbers) = (head.units.clone(), head.numbers.clone());
     if let Some(long) = tall::columns(&head, &open)? {
         return tall::suggest(&head, map, &long, &open, on_progress);
     }
@@ -114,7 +116,9 @@ fn of_table<R: TableRecords>(
         place += 1;
         !time_columns.contains(&(place - 1)) && !of_others.contains(&(place - 1))
     });
+    let unread = unread(&columns, &numbers);
     let mut suggestion = rank::rank(Map { time, ..map }, columns, false);
+    suggestion.open.extend(unread);
     for signal in &mut suggestion.map.signals {
         let index = signal.place().and_then(|name| names.iter().position(|known| known == name));
         signal.time = index.and_then(|index| table.own_time_of(index)).map(|number| format!("#{number}"));
@@ -139,6 +143,16 @@ fn of_table<R: TableRecords>(
     }
     suggestion.rows = rows;
     Ok(suggestion)
+}
+
+/// Columns whose cells look like numbers and are none, as they are written.
+fn unread(columns: &[SuggestedColumn], numbers: &Numbers) -> Vec<String> {
+    let of = |column: &SuggestedColumn| {
+        let text = column.unread.as_deref().filter(|_| column.texts > column.range.count && column.words.len() > 1)?;
+        let (name, texts) = (&column.name, column.texts);
+        Some(format!("column `{name}`: {texts} cells are no numbers, the first `{text}`{}", hint(text, numbers)))
+    };
+    columns.iter().filter_map(of).collect()
 }
 
 fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, ImportError> {

@@ -6,7 +6,7 @@ use crate::import::map::TimeMap;
 use crate::import::number::{NumberCell, Numbers};
 
 /// Patterns that are tried, the more special first; of the last two only one may fit.
-const PATTERNS: [&str; 22] = [
+const PATTERNS: [&str; 24] = [
     "%Y-%m-%d %H:%M:%S%.f %z",
     "%Y/%m/%d %H:%M:%S%.f",
     "%Y.%m.%d %H:%M:%S%.f",
@@ -15,6 +15,8 @@ const PATTERNS: [&str; 22] = [
     "%Y-%m-%d %H:%M",
     "%d.%m.%Y %H:%M:%S%.f",
     "%d.%m.%y %H:%M:%S%.f",
+    "%d.%m.%Y %H:%M:%S:%f",
+    "%Y-%m-%d %H:%M:%S:%f",
     "%d.%m.%Y %H:%M",
     "%d.%m.%y %H:%M",
     "%d-%m-%Y %H:%M:%S%.f",
@@ -94,6 +96,9 @@ const STEP_S: std::ops::RangeInclusive<f64> = 2e-4..=5.0;
 /// The same where the header states the unit.
 const STATED_STEP_S: std::ops::RangeInclusive<f64> = 1e-5..=60.0;
 
+/// What WinCC counts in those years, millionths of a day.
+const WINCC: std::ops::Range<f64> = 3.36e10..5.48e10;
+
 /// Counts from a fixed moment, with their unit and that moment, s, in words.
 const MOMENTS: [(&str, &str); 8] = [
     ("unix_ns", "nanoseconds since 1970"),
@@ -160,6 +165,12 @@ fn number(values: &[f64], name: &str, unit: &str) -> Result<Detected, String> {
         }
         found(format, why)
     };
+    if name.trim().eq_ignore_ascii_case("time_ms") && WINCC.contains(&first) {
+        return found(Format::WinCc, "numbers of this size are WinCC's millionths of a day since 1900");
+    }
+    if name.to_lowercase().contains("gps") && first > LARGE {
+        return asked("the clock of GPS counts from 1980 and has no leap seconds");
+    }
     // What the header says counts before the size of the numbers.
     if let Some((words, unit_ns)) = stated(unit).or_else(|| in_name(name)) {
         return match &moments(first, Some(unit_ns))[..] {

@@ -1,5 +1,6 @@
 //! One signal of a source: from a cell to a value of a row, with what could not be used counted.
 
+use crate::import::convert::{plain, pressure};
 use crate::import::map::{SignalMap, TripRule};
 use crate::import::row::{ImportedRow, Target};
 
@@ -54,6 +55,8 @@ pub(in crate::import) struct SourceChannel {
     pub(in crate::import) bad: Bad,
     /// Currents by which a transmitter says that it is broken.
     pub(in crate::import) broken: Bad,
+    /// Of such a transmitter: what makes its values mA.
+    to_ma: Option<f64>,
 }
 
 /// What a transmitter of 4 to 20 mA gives while it is sound (NAMUR NE 43), mA.
@@ -62,7 +65,17 @@ const SOUND_MA: std::ops::RangeInclusive<f64> = 3.6..=21.0;
 impl SourceChannel {
     pub(in crate::import) fn new(signal: usize, map: &SignalMap) -> Self {
         let (bad, broken) = (Bad::default(), Bad::default());
-        Self { signal, map: map.clone(), latched: false, latches: map.latch, keeps_latch: map.latch, bad, broken }
+        let to_ma = current(map, "");
+        Self {
+            signal,
+            map: map.clone(),
+            latched: false,
+            latches: map.latch,
+            keeps_latch: map.latch,
+            bad,
+            broken,
+            to_ma,
+        }
     }
 
     /// The same for a source that sees to it itself that a trip stays.
@@ -70,10 +83,14 @@ impl SourceChannel {
         Self { keeps_latch: false, ..Self::new(signal, map) }
     }
 
-    /// Whether its values are the current of a transmitter.
-    fn is_current(&self) -> bool {
-        let ends = self.map.conversion.range.map(|[low, high]| [low.min(high), low.max(high)]);
-        ends == Some([4.0, 20.0])
+    /// The same of a column whose header states a unit.
+    pub(in crate::import) fn in_unit(self, stated: &str) -> Self {
+        Self { to_ma: current(&self.map, stated), ..self }
+    }
+
+    /// The same by a map that is completed.
+    pub(in crate::import) fn by(self, map: SignalMap) -> Self {
+        Self { map, ..self }
     }
 
     /// Whether a trip was seen that is to stay.
@@ -103,7 +120,9 @@ impl SourceChannel {
             return;
         }
         match value {
-            ChannelValue::Number(raw) if self.is_current() && raw.is_finite() && !SOUND_MA.contains(&raw) => {
+            ChannelValue::Number(raw)
+                if raw.is_finite() && self.to_ma.is_some_and(|to_ma| !SOUND_MA.contains(&(raw * to_ma))) =>
+            {
                 self.broken.note(place, &raw.to_string());
             }
             ChannelValue::Number(raw) if raw.is_finite() => row.set(self.map.target, self.map.conversion.apply(raw)),
@@ -112,6 +131,37 @@ impl SourceChannel {
             _ => self.bad.note(place, "a time"),
         }
     }
+}
+
+/// Ends of a range that is one of 4 to 20 mA, or half of it, as somebody has calibrated it, mA.
+const LIVE_ZERO_MA: std::ops::RangeInclusive<f64> = 3.5..=21.0;
+const ENDS_MA: [std::ops::RangeInclusive<f64>; 2] = [3.7..=4.3, 19.5..=20.5];
+
+/// What makes the values of a transmitter of 4 to 20 mA mA, by the unit that the header or the map states and by the ends of its range; none where the
+/// values are another thing, or a current that begins at 0.
+fn current(map: &SignalMap, stated: &str) -> Option<f64> {
+    let stated = plain(if stated.is_empty() { &map.unit } else { stated });
+    let to_ma = match stated.as_str() {
+        "a" => 1e3,
+        _ => 1.0,
+    };
+    let conversion = &map.conversion;
+    let [one, other] = match conversion.range {
+        Some(range) => range,
+        // Scale and offset make 0 and 1, or %, of it.
+        None if map.target != Target::Esv && conversion.scale != 1.0 => {
+            [0.0, 1.0].map(|end| (end - conversion.offset) / conversion.scale)
+        }
+        None => return None,
+    };
+    let ends = [one.min(other) * to_ma, one.max(other) * to_ma];
+    let is_end = |end: &f64| ENDS_MA.iter().any(|near| near.contains(end));
+    let inside = ends.iter().all(|end| LIVE_ZERO_MA.contains(end));
+    let in_current = ["ma", "a"].contains(&stated.as_str());
+    // A range without a unit must be the very one; one of volts or millimetres is another thing.
+    let plain_range = stated.is_empty() || pressure(&stated).is_some();
+    let found = if in_current { inside && ends.iter().any(is_end) } else { plain_range && ends == [4.0, 20.0] };
+    found.then_some(to_ma)
 }
 
 /// Whether a cell says that an event happens.
@@ -164,6 +214,30 @@ mod tests {
         ] {
             assert_eq!(happens(&event, value), expected, "{event:?} {value:?}");
         }
+    }
+
+    #[test]
+    fn a_current_with_a_live_zero_is_known_by_unit_and_range() {
+        let of = |range: Option<[f64; 2]>, scale: f64, offset: f64, stated: &str| {
+            let mut map = SignalMap::of_column(Target::ServomotorPosition, "y");
+            (map.conversion.range, map.conversion.scale, map.conversion.offset) = (range, scale, offset);
+            current(&map, stated)
+        };
+        for (range, stated, found) in [
+            (Some([4.0, 20.0]), "mA", Some(1.0)),
+            (Some([20.0, 4.0]), "", Some(1.0)),
+            (Some([3.98, 20.05]), "mA", Some(1.0)),
+            (Some([12.0, 20.0]), "mA", Some(1.0)),
+            (Some([0.004, 0.02]), "A", Some(1e3)),
+            (Some([0.0, 20.0]), "mA", None),
+            (Some([4.0, 20.0]), "V", None),
+            (Some([4.0, 20.0]), "mm", None),
+            (None, "mA", None),
+        ] {
+            assert_eq!(of(range, 1.0, 0.0, stated), found, "{range:?} {stated}");
+        }
+        assert_eq!(of(None, 0.0625, -0.25, "mA"), Some(1.0));
+        assert_eq!(of(None, 0.05, 0.0, "mA"), None);
     }
 
     #[test]

@@ -10,9 +10,11 @@ use crate::import::row::Target;
 use govtwin_model::params::nearest;
 
 /// Names that columns of time have, in lower case, without what stands in brackets; the surest first.
-const TIMES: [&str; 26] = [
+const TIMES: [&str; 29] = [
     "timestamp",
     "__time",
+    "_time",
+    "x_value",
     "time",
     "t",
     "time stamp",
@@ -34,6 +36,7 @@ const TIMES: [&str; 26] = [
     "t_s",
     "time_ns",
     "#time",
+    "timestring",
     "date",
     "datum",
     "index",
@@ -42,6 +45,22 @@ const TIMES: [&str; 26] = [
 const DATES: [&str; 3] = ["date", "datum", "fecha"];
 /// Names of the latter.
 const TIMES_OF_DAY: [&str; 5] = ["time", "zeit", "uhrzeit", "heure", "ora"];
+
+/// Names of columns that say of which machine a row is, without a number, `name`, `id` and `no` behind them.
+const MACHINES: [&str; 12] = [
+    "unit",
+    "machine",
+    "turbine",
+    "generator",
+    "aggregate",
+    "maschine",
+    "maschinensatz",
+    "aggregat",
+    "turbina",
+    "groupe",
+    "unidad",
+    "host",
+];
 
 /// What is known of a table before its records.
 #[derive(Clone, Debug)]
@@ -83,6 +102,17 @@ impl TableHead {
         Ok(None)
     }
 
+    /// The column that by its name says of which machine a row is, unless it is among those that say something else.
+    pub(in crate::import) fn machine_column(&self, taken: &[usize]) -> Option<usize> {
+        let is_one = |name: &String| {
+            let lower = name.trim().to_lowercase();
+            let words = lower.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty());
+            let mut rest = words.filter(|word| !["name", "id", "no", "nr", "number", "nummer"].contains(word));
+            rest.next().is_some_and(|word| MACHINES.contains(&word)) && rest.next().is_none()
+        };
+        (0..self.names.len()).find(|column| !taken.contains(column) && is_one(&self.names[*column]))
+    }
+
     /// What to say of a column that is not there.
     pub(in crate::import) fn absent(&self, name: &str) -> String {
         const MOST: usize = 30;
@@ -100,7 +130,9 @@ impl TableHead {
         let bare = |name: &String| bracketed(name).map_or(name.as_str(), |(bare, _)| bare).trim().to_lowercase();
         let find = |wanted: &str| self.names.iter().position(|name| bare(name) == wanted);
         let first = |names: &[&str]| names.iter().find_map(|name| find(name));
+        // WinCC writes the time again beside its text, with the part of the second that the text has lost.
         match (first(&DATES), first(&TIMES_OF_DAY)) {
+            _ if find("timestring").is_some() && find("time_ms").is_some() => find("time_ms").into_iter().collect(),
             (Some(date), Some(time)) => vec![date, time],
             _ => first(&TIMES).into_iter().collect(),
         }
@@ -108,13 +140,17 @@ impl TableHead {
 }
 
 /// What a cell that is no number may be.
-pub(super) fn hint(text: &str, numbers: &Numbers) -> String {
+pub(in crate::import) fn hint(text: &str, numbers: &Numbers) -> String {
     let digits = text.bytes().filter(u8::is_ascii_digit).count();
     if digits == 0 || digits * 2 < text.len() {
         return format!("; if it stands for no value, add it to `file: {{missing: [\"{text}\"]}}` in the map");
     }
     let other = if numbers.decimal == '.' { ',' } else { '.' };
     match (text.matches(other).count(), text.contains(numbers.decimal)) {
+        (1, false) if text.rsplit(other).next().is_some_and(|rest| rest.len() == 3) => format!(
+            "; give `file: {{decimal: \"{other}\"}}` in the map if that is the decimal sign, `file: {{thousands: \"{other}\"}}` if it stands between \
+             groups of digits"
+        ),
         (1, false) => format!("; give `file: {{decimal: \"{other}\"}}` in the map if that is the decimal sign"),
         (0, _) => String::new(),
         _ => format!("; give `file: {{thousands: \"{other}\"}}` in the map if that stands between groups of digits"),

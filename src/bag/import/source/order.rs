@@ -73,8 +73,16 @@ pub(super) fn sort(rows: &mut Vec<ImportedRow>) -> Result<RowOrder, String> {
     }
     rows.sort_by_key(|row| row.time_ns);
     let mut merged: Vec<ImportedRow> = Vec::with_capacity(rows.len());
+    // Of rows of one time, the first of each signal become one, then the second of each, as they stood beside each other.
+    let (mut begin, mut next) = (0, [0_usize; Target::ALL.len()]);
     for row in rows.drain(..) {
-        if !merged.last_mut().is_some_and(|last| last.merge(&row)) {
+        if merged.get(begin).is_some_and(|first| first.time_ns != row.time_ns) {
+            (begin, next) = (merged.len(), [0; Target::ALL.len()]);
+        }
+        let holds = || Target::ALL.into_iter().filter(|target| row.value(*target).is_some()).map(Target::place);
+        let at = begin + holds().map(|place| next[place]).max().unwrap_or(0);
+        holds().for_each(|place| next[place] = at - begin + 1);
+        if !merged.get_mut(at).is_some_and(|known| known.merge(&row)) {
             merged.push(row);
         }
     }
@@ -151,6 +159,16 @@ mod tests {
         sort(&mut together).unwrap();
         assert_eq!(together.len(), 3);
         assert!(together.iter().all(|row| row.value(Target::SpoolPosition) == row.value(Target::ServomotorPosition)));
+    }
+
+    #[test]
+    fn rows_of_one_time_stand_beside_each_other_by_their_number() {
+        let mut both =
+            [rows(&[1, 1, 2], Target::SpoolPosition), rows(&[1, 1, 2, 2], Target::ServomotorPosition)].concat();
+        sort(&mut both).unwrap();
+        let of = |target: Target| both.iter().map(|row| row.value(target).is_some()).collect::<Vec<_>>();
+        assert_eq!(of(Target::SpoolPosition), [true, true, true, false]);
+        assert_eq!(of(Target::ServomotorPosition), [true; 4]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::channel::ChannelValue;
 
 /// Words of names that say that a column holds the quality of another.
-const QUALITY: [&str; 14] = [
+const QUALITY: [&str; 26] = [
     "quality",
     "qual",
     "q",
@@ -18,9 +18,23 @@ const QUALITY: [&str; 14] = [
     "gueltig",
     "qualite",
     "flag",
+    "qc",
+    "gültig",
+    "bad",
+    "invalid",
+    "questionable",
+    "substituted",
+    "suspect",
+    "ungueltig",
+    "ungültig",
+    "fault",
+    "error",
+    "pctgood",
 ];
+/// Words of names by which 1, or true, says that a value is not good.
+const NOT_GOOD: [&str; 7] = ["bad", "invalid", "questionable", "substituted", "suspect", "ungueltig", "ungültig"];
 /// Words of names that stand for the value beside its quality.
-const VALUE: [&str; 9] = ["value", "val", "pv", "wert", "valeur", "valor", "current", "v", "code"];
+const VALUE: [&str; 11] = ["value", "val", "pv", "wert", "valeur", "valor", "current", "v", "code", "pct", "percent"];
 /// Beginnings of words that say that a value is good.
 const GOOD: [&str; 7] = ["good", "ok", "valid", "normal", "gut", "true", "g"];
 /// And that it is not; words of one letter stand for themselves.
@@ -52,6 +66,8 @@ const BAD: [&str; 22] = [
 const MOST_DISTINCT: usize = 32;
 /// OPC DA: a quality from here on is good, of 0 to 255.
 const OPC_DA_GOOD: f64 = 192.0;
+/// SIMATIC PCS 7: a quality code from here on is good, where none reaches those of OPC DA.
+const PCS7_GOOD: f64 = 128.0;
 /// OPC UA: a status below is good; the two bits above say uncertain or bad.
 const OPC_UA_NOT_GOOD: f64 = 1_073_741_824.0;
 
@@ -60,12 +76,18 @@ const OPC_UA_NOT_GOOD: f64 = 1_073_741_824.0;
 pub(in crate::import) enum Quality {
     /// OPC DA: 192 to 255.
     OpcDa,
+    /// PCS 7: 128 to 191.
+    Pcs7,
     /// OPC UA: a status code below 2^30.
     OpcUa,
     /// Words that begin with good, ok, valid and the like.
     Words,
     /// A flag that is 1 for good.
     Flag,
+    /// A flag that is 1 for what is not good.
+    NotGood,
+    /// A share of good samples, %.
+    Share,
     /// What the map lists.
     Listed(Vec<String>),
 }
@@ -73,15 +95,15 @@ pub(in crate::import) enum Quality {
 impl Quality {
     /// Whether a value is good by what stands in its quality column.
     pub(in crate::import) fn is_good(&self, value: ChannelValue<'_>) -> bool {
-        let number = match value {
-            ChannelValue::Number(number) => Some(number),
-            ChannelValue::Whole(whole) => Some(whole as f64),
-            _ => None,
-        };
+        let number = code(value);
         match (self, value) {
             // An export that leaves the cell empty repeats the one above, or has nothing to complain of.
             (_, ChannelValue::Missing) => true,
             (Self::OpcDa, _) => number.is_some_and(|number| (OPC_DA_GOOD..256.0).contains(&number)),
+            (Self::Pcs7, _) => number.is_some_and(|number| (PCS7_GOOD..256.0).contains(&number)),
+            (Self::Share, _) => number.is_some_and(|number| number >= 100.0),
+            (Self::NotGood, ChannelValue::Text(text)) => is_word(text, &["false", "no", "good", "ok"]),
+            (Self::NotGood, _) => number == Some(0.0),
             (Self::OpcUa, _) => number.is_some_and(|number| (0.0..OPC_UA_NOT_GOOD).contains(&number)),
             (Self::Flag | Self::Words, ChannelValue::Text(text)) => is_word(text, &GOOD),
             (Self::Flag, _) => number == Some(1.0),
@@ -96,69 +118,110 @@ impl Quality {
     }
 }
 
+/// The number that a cell holds, also as programs write codes: `0xC0`, `16#80`.
+fn code(value: ChannelValue<'_>) -> Option<f64> {
+    match value {
+        ChannelValue::Number(number) => Some(number),
+        ChannelValue::Whole(whole) => Some(whole as f64),
+        ChannelValue::Text(text) => {
+            let text = text.trim();
+            let digits = ["0x", "0X", "16#"].iter().find_map(|begin| text.strip_prefix(begin))?;
+            u32::from_str_radix(digits, 16).ok().map(f64::from)
+        }
+        _ => None,
+    }
+}
+
 /// Whether a word begins as one of some do; those of one letter must be the whole word.
 fn is_word(text: &str, known: &[&str]) -> bool {
-    let text = text.trim().to_lowercase();
+    let text = text.trim().trim_matches(['[', ']', '(', ')']).to_lowercase();
     known.iter().any(|word| if word.len() == 1 { text == *word } else { text.starts_with(word) })
 }
 
-/// What stands in a column that may hold the quality of another.
+/// Counts one of few values.
+fn count<T: PartialEq>(found: &mut Vec<(T, u64)>, value: T) {
+    if let Some((_, count)) = found.iter_mut().find(|(known, _)| *known == value) {
+        *count += 1;
+    } else if found.len() < MOST_DISTINCT {
+        found.push((value, 1));
+    }
+}
+
+/// What stands in a column that may hold the quality of another, and how often.
 #[derive(Clone, Debug, Default)]
 pub(in crate::import) struct QualityLook {
-    words: Vec<String>,
-    numbers: Vec<f64>,
+    words: Vec<(String, u64)>,
+    numbers: Vec<(f64, u64)>,
+    blanks: u64,
     others: bool,
 }
 
 impl QualityLook {
     pub(in crate::import) fn take(&mut self, value: ChannelValue<'_>) {
-        match value {
-            ChannelValue::Text(text) if self.words.len() < MOST_DISTINCT => {
-                if !self.words.iter().any(|word| word == text.trim()) {
-                    self.words.push(text.trim().to_owned());
-                }
-            }
-            ChannelValue::Number(number) => self.number(number),
-            ChannelValue::Whole(whole) => self.number(whole as f64),
-            ChannelValue::Missing => {}
+        match (code(value), value) {
+            (Some(number), _) => count(&mut self.numbers, number),
+            (None, ChannelValue::Text(text)) => match self.words.iter_mut().find(|(known, _)| known == text.trim()) {
+                Some((_, times)) => *times += 1,
+                None => count(&mut self.words, text.trim().to_owned()),
+            },
+            (None, ChannelValue::Missing) => self.blanks += 1,
             _ => self.others = true,
         }
     }
 
-    fn number(&mut self, number: f64) {
-        if self.numbers.len() < MOST_DISTINCT && !self.numbers.contains(&number) {
-            self.numbers.push(number);
-        }
-    }
-
     /// How the column says what is good; none where it shows nothing but one state, an error in words where it shows several and nobody knows which
-    /// of them is good.
+    /// of them is good, or where it calls most values bad.
     pub(in crate::import) fn quality(&self, name: &str) -> Result<Option<Quality>, String> {
-        let whole = self.numbers.iter().all(|number| number.fract() == 0.0 && *number >= 0.0);
-        let most = self.numbers.iter().copied().fold(0.0, f64::max);
+        let whole = self.numbers.iter().all(|(number, _)| number.fract() == 0.0 && *number >= 0.0);
         if self.others || !whole || self.numbers.len() >= MOST_DISTINCT || self.words.len() >= MOST_DISTINCT {
             return Ok(None);
         }
-        let words = words_of(name);
-        let says = |word: &str| words.iter().any(|known| known == word);
-        let known = |word: &String| is_word(word, &GOOD) || is_word(word, &BAD);
-        match (self.words.is_empty(), self.numbers.is_empty()) {
-            (false, true) if self.words.iter().all(known) => Ok(Some(Quality::Words)),
-            (true, false) if (OPC_DA_GOOD..256.0).contains(&most) => Ok(Some(Quality::OpcDa)),
-            (true, false) if most >= OPC_UA_NOT_GOOD || says("statuscode") || (says("status") && says("code")) => {
-                Ok(Some(Quality::OpcUa))
-            }
-            (true, false) if most <= 1.0 && (says("valid") || says("validity") || says("good") || says("gueltig")) => {
-                Ok(Some(Quality::Flag))
-            }
-            (words, numbers) if self.words.len() + self.numbers.len() > 1 => {
-                let found: Vec<String> = match (words, numbers) {
-                    (false, _) => self.words.iter().take(6).map(|word| format!("`{word}`")).collect(),
-                    _ => self.numbers.iter().take(6).map(|number| format!("`{number}`")).collect(),
-                };
+        let found = self.rule(name);
+        let counts = self.numbers.iter().map(|(number, count)| (ChannelValue::Number(*number), count));
+        let words = self.words.iter().map(|(word, count)| (ChannelValue::Text(word), count));
+        let (mut good, mut all) = (self.blanks, self.blanks);
+        for (value, count) in counts.chain(words) {
+            all += count;
+            good += found.as_ref().map_or(0, |quality| if quality.is_good(value) { *count } else { 0 });
+        }
+        match found {
+            Some(quality) if 2 * good >= all => Ok(Some(quality)),
+            // One state alone says nothing; a mark beside some values alone says something.
+            None if self.words.len() + self.numbers.len() + usize::from(self.blanks > 0) <= 1 => Ok(None),
+            None if self.words.is_empty() && self.numbers.len() == 1 && self.blanks > 0 => Ok(None),
+            _ => {
+                let words = self.words.iter().map(|(word, _)| word.clone());
+                let numbers = self.numbers.iter().map(|(number, _)| number.to_string());
+                let found: Vec<String> = words.chain(numbers).take(6).map(|found| format!("`{found}`")).collect();
                 Err(found.join(", "))
             }
-            _ => Ok(None),
+        }
+    }
+
+    /// The rule by which a column of this name, and these contents, says what is good.
+    fn rule(&self, name: &str) -> Option<Quality> {
+        let most = self.numbers.iter().map(|(number, _)| *number).fold(0.0, f64::max);
+        let words = words_of(name);
+        let says = |known: &[&str]| words.iter().any(|word| known.contains(&word.as_str()));
+        let known = |(word, _): &(String, u64)| is_word(word, &GOOD) || is_word(word, &BAD);
+        let truths = self.words.iter().all(|(word, _)| is_word(word, &["true", "false"]));
+        match (self.words.is_empty(), self.numbers.is_empty()) {
+            _ if says(&NOT_GOOD) && truths && most <= 1.0 => Some(Quality::NotGood),
+            // `fault` and `error` may be of the machine.
+            _ if says(&["fault", "error"]) => None,
+            (false, true) if self.words.iter().all(known) => Some(Quality::Words),
+            (true, false) if says(&["pctgood"]) || says(&["good"]) && says(&["pct", "percent"]) => Some(Quality::Share),
+            (true, false) if (OPC_DA_GOOD..256.0).contains(&most) => Some(Quality::OpcDa),
+            (true, false) if (PCS7_GOOD..OPC_DA_GOOD).contains(&most) => Some(Quality::Pcs7),
+            (true, false)
+                if most >= OPC_UA_NOT_GOOD || says(&["statuscode"]) || says(&["status"]) && says(&["code"]) =>
+            {
+                Some(Quality::OpcUa)
+            }
+            (true, false) if most <= 1.0 && says(&["valid", "validity", "good", "gueltig", "gültig"]) => {
+                Some(Quality::Flag)
+            }
+            _ => None,
         }
     }
 }
@@ -234,12 +297,23 @@ mod tests {
             ("valid", vec![number(1.0), number(0.0)], number(1.0), number(0.0)),
             ("Y_valid", vec![text("true"), text("false")], text("TRUE"), text("false")),
             ("Validity", vec![text("G"), text("B")], text("g"), text("B")),
+            ("Y quality", vec![text("0xC0"), text("0x18")], text("0xD8"), text("0x40")),
+            ("Y QC", vec![text("16#80"), text("16#00")], text("16#84"), text("16#60")),
+            ("Y quality", vec![number(128.0), number(0.0)], number(128.0), number(68.0)),
+            ("Y quality", vec![text("[valid]"), text("[invalid]")], text("[valid]"), text("[invalid]")),
+            ("Questionable", vec![text("False"), text("True")], text("FALSE"), text("True")),
+            ("Y_bad", vec![number(0.0), number(1.0)], number(0.0), number(1.0)),
+            ("PctGood", vec![number(100.0), number(0.0)], number(100.0), number(97.0)),
         ] {
             let quality = look(&values).quality(name).unwrap().unwrap_or_else(|| panic!("{name}"));
             assert!(quality.is_good(good) && !quality.is_good(bad), "{name}: {quality:?}");
         }
         assert_eq!(look(&[number(0.0)]).quality("Quality").unwrap(), None, "one state says nothing");
         assert!(look(&[number(0.0), number(3.0)]).quality("Quality").is_err(), "nobody knows which is good");
+        let system_states = [number(0.0), number(0.0), number(0.0), number(248.0)];
+        assert!(look(&system_states).quality("Status").is_err(), "most values would be bad");
+        assert!(look(&[ChannelValue::Missing, text("*")]).quality("flag").is_err(), "a mark beside some values");
+        assert!(look(&[number(0.0), number(1.0)]).quality("servo fault").is_err(), "of the machine, or of the value?");
     }
 
     #[test]

@@ -1,20 +1,23 @@
 //! Rows of a table, whatever its file: time by a clock, signals by their columns, one value a line where the table is long.
 
 mod rows;
+mod said;
 
 use std::collections::VecDeque;
 
 use super::channel::{Bad, ChannelValue, SourceChannel};
-use super::head::{TableHead, hint, with_header_unit};
+use super::head::{TableHead, with_header_unit};
+use super::machine::MachineLook;
 use super::order::{RowOrder, Steps};
 use super::quality::{Quality, QualityLook, column_of, column_of_lines};
 use super::records::TableRecords;
 use super::timing::{TimeGroup, Timing, own_times, timing};
 use super::{Source, SourceNotes};
 use crate::import::ImportError;
+use crate::import::dialect::bracketed;
 use crate::import::map::{Map, Repeated, SignalMap, SignalPlace, TimeMap};
 use crate::import::row::ImportedRow;
-use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
+use govtwin_model::units::nanos_from_seconds;
 
 /// A signal and its column.
 struct SignalColumn {
@@ -84,27 +87,24 @@ impl<R: TableRecords> TableSource<R> {
         let mut times = vec![group];
         if long.is_none() && map.time.rate_hz.is_none() {
             times.extend(own_times(&head, map, &times[0], &open)?);
+            times[0].may_be_blank = times.len() > 1;
         }
         let mut warnings = vec![];
         let mut columns = vec![];
         for (signal, one) in map.signals.iter().enumerate() {
             let SignalPlace::Column(name) = &one.from else { continue };
             // Trips that stay are those of the rows in the order of time.
-            let channel = |one: &SignalMap| SourceChannel::without_latch(signal, one);
-            if long.is_some() {
-                columns.push(SignalColumn {
-                    index: usize::MAX,
-                    group: 0,
-                    channel: channel(one),
-                    quality: None,
-                    not_good: 0,
-                });
+            let (index, stated) = if long.is_some() {
+                (usize::MAX, bracketed(name).map_or("", |(_, unit)| unit))
             } else if let Some(index) = head.find(name).map_err(wrong)? {
-                let stated = head.units.get(index).map_or("", String::as_str);
-                let one = with_header_unit(one, stated, &mut head.notes, &mut warnings);
-                let group = times.iter().rposition(|group| group.is_of(index)).unwrap_or(0);
-                columns.push(SignalColumn { index, group, channel: channel(&one), quality: None, not_good: 0 });
-            }
+                (index, head.units.get(index).map_or("", String::as_str))
+            } else {
+                continue;
+            };
+            let group = times.iter().rposition(|group| group.is_of(index)).unwrap_or(0);
+            let channel = SourceChannel::without_latch(signal, one).in_unit(stated);
+            let one = with_header_unit(one, stated, &mut head.notes, &mut warnings);
+            columns.push(SignalColumn { index, group, channel: channel.by(one), quality: None, not_good: 0 });
         }
         if !note.is_empty() {
             head.notes.push(note);
@@ -136,6 +136,7 @@ impl<R: TableRecords> TableSource<R> {
         if !table.columns.is_empty() {
             table.look_through(map, open()?)?;
         }
+        one_machine(&table, map, &mut open()?)?;
         Ok(table)
     }
 
@@ -154,8 +155,15 @@ impl<R: TableRecords> TableSource<R> {
             if timed && let Some(Ok(time_ns)) = clock.read(&records) {
                 steps.take(time_ns);
             }
-            for (_, index, look) in &mut looks {
-                look.take(quality_cell(&records, *index));
+            for (place, index, look) in &mut looks {
+                // Lines of other tags say nothing of this one.
+                let of_tag = self.long.as_ref().is_none_or(|long| {
+                    let tag = self.columns[*place].channel.map.place();
+                    matches!(records.value(long.tag), ChannelValue::Text(text) if Some(text.trim()) == tag)
+                });
+                if of_tag {
+                    look.take(quality_cell(&records, *index));
+                }
             }
         }
         // Columns with times of their own do not go on together.
@@ -266,6 +274,30 @@ impl<R: TableRecords> TableSource<R> {
     }
 }
 
+/// Rows of several machines are none of one recording.
+fn one_machine<R: TableRecords>(table: &TableSource<R>, map: &Map, records: &mut R) -> Result<(), ImportError> {
+    let mapped =
+        map.signals.iter().filter_map(SignalMap::place).filter_map(|name| table.head.find(name).ok().flatten());
+    let long = table.long.as_ref().map(|long| [long.tag, long.value]);
+    let taken: Vec<usize> =
+        table.times[0].columns.iter().copied().chain(mapped).chain(long.into_iter().flatten()).collect();
+    let Some(column) = table.head.machine_column(&taken) else { return Ok(()) };
+    let mut machines = MachineLook::default();
+    while records.advance()? {
+        machines.take(records.text_of(column).unwrap_or_default());
+    }
+    match machines.several() {
+        Some(found) => Err(ImportError::file(
+            &table.head.path,
+            format!(
+                "holds rows of several machines: column `{}` says {found}; import those of one alone, and export the others as files of their own",
+                table.head.names[column]
+            ),
+        )),
+        None => Ok(()),
+    }
+}
+
 /// What stands in a column of qualities, where `Bad` is a word and no missing number.
 fn quality_cell<R: TableRecords>(records: &R, column: usize) -> ChannelValue<'_> {
     let text = records.text_of(column).map(str::trim).filter(|text| !text.is_empty());
@@ -306,79 +338,6 @@ impl<R: TableRecords> Source for TableSource<R> {
     }
 
     fn said(&self) -> SourceNotes {
-        let path = self.head.path.display();
-        let mut said = SourceNotes { notes: self.head.notes.clone(), warnings: self.warnings.clone() };
-        if self.order.newest_first {
-            said.notes.push("its newest row stands first; rows are put in the order of time".to_owned());
-        }
-        if self.order.jumps > 0 {
-            said.notes.push(format!(
-                "time goes back {} times, each time to where there are no other rows; rows are put in the order of time",
-                self.order.jumps
-            ));
-        }
-        if self.order.late > 0 {
-            said.warnings.push(format!(
-                "time goes back {} times, by up to {:.3} s, to where there are rows already; rows are put in the order of time, and of two values \
-                 for one time the later one counts",
-                self.order.late,
-                seconds_from_nanos(self.order.most_late_ns)
-            ));
-        }
-        for one in said.notes.iter_mut().chain(&mut said.warnings) {
-            *one = format!("{path}: {one}");
-        }
-        if let Some((line, _)) = &self.bad_times.first {
-            let (count, problem) = (self.bad_times.count, &self.first_bad_time);
-            said.warnings.push(format!("{path}:{line}: {count} lines left out, the first because {problem}"));
-        }
-        if let Some((line, text)) = &self.records.ragged().first {
-            let count = self.records.ragged().count;
-            said.warnings
-                .push(format!("{path}:{line}: {count} lines left out that have too few cells, the first `{text}`"));
-        }
-        for column in &self.columns {
-            let (id, place) = (column.channel.map.target.id(), column.channel.map.place().unwrap_or_default());
-            if let Some((line, text)) = &column.channel.bad.first {
-                let count = column.channel.bad.count;
-                let hint = hint(text, &self.head.numbers);
-                said.warnings.push(format!(
-                    "{path}:{line}: {id} (`{place}`): {count} cells are no numbers, the first `{text}`{hint}"
-                ));
-            }
-            if let Some((line, text)) = &column.channel.broken.first {
-                let count = column.channel.broken.count;
-                said.warnings.push(format!(
-                    "{path}:{line}: {id} (`{place}`): {count} values left out outside of 3.6 to 21 mA, by which a transmitter of 4 to 20 mA \
-                     says that it is broken (NAMUR NE 43), the first {text} mA"
-                ));
-            }
-            if let Some((index, _)) = column.quality.as_ref().filter(|_| column.not_good > 0) {
-                said.notes.push(format!(
-                    "{path}: {id} (`{place}`): {} values left out that `{}` does not call good",
-                    column.not_good, self.head.names[*index]
-                ));
-            }
-        }
-        let clocks = || self.times.iter().map(|group| &group.clock);
-        let folded: u64 = clocks().map(|clock| clock.folded).sum();
-        if folded > 0 {
-            said.warnings.push(format!(
-                "{path}: {folded} times lie in the hour that the end of summer time repeats; each is taken as the first that goes on"
-            ));
-        }
-        let wraps: u64 = clocks().map(|clock| clock.wraps).sum();
-        if wraps > 0 {
-            said.notes.push(format!("{path}: the counter of time begins anew {wraps} times at its end; time goes on"));
-        }
-        if clocks().any(|clock| clock.used_zone && !clock.has_zone) {
-            let zone = "local times without a zone are taken as UTC; give `time: {zone: Europe/Zurich}` in the map if they are not";
-            said.warnings.push(format!("{path}: {zone}"));
-        }
-        if self.spread > 0 {
-            said.notes
-                .push(format!("{path}: {} rows shared a time with others and were spread up to the next", self.spread));
-        }
-        said
+        self.notes()
     }
 }

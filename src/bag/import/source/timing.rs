@@ -18,6 +18,8 @@ pub(super) struct TimeGroup {
     /// The file itself says how its times count.
     pub(super) native: bool,
     of: TimeOf,
+    /// Other columns of time go on where it is blank.
+    pub(super) may_be_blank: bool,
 }
 
 /// Columns that a time counts for.
@@ -43,7 +45,7 @@ impl TimeGroup {
 
     /// The time of a record, ns since 1970; nothing where a time that counts for some columns alone is blank.
     pub(super) fn read<R: TableRecords>(&mut self, records: &R) -> Option<Result<i64, String>> {
-        let blank = self.of != TimeOf::All && time_text(records, &self.columns).trim().is_empty();
+        let blank = self.may_be_blank && time_text(records, &self.columns).trim().is_empty();
         (!blank).then(|| read_time(records, &self.columns, &mut self.clock))
     }
 }
@@ -69,7 +71,10 @@ pub(super) fn timing<R: TableRecords>(
         );
         let format = Format::Relative { unit_ns: 1 };
         let clock = TimeReader::new(format, &map.time, &head.numbers).map_err(wrong)?;
-        return Ok(Timing { group: TimeGroup { columns: vec![], clock, native: true, of: TimeOf::All }, note });
+        return Ok(Timing {
+            group: TimeGroup { columns: vec![], clock, native: true, of: TimeOf::All, may_be_blank: false },
+            note,
+        });
     }
     let mut columns = vec![];
     let mut note = String::new();
@@ -108,7 +113,10 @@ fn written<R: TableRecords>(
     let clock = |format: Format| TimeReader::new(format, &map.time, &head.numbers).map_err(wrong);
     if let Some(text) = &map.time.format {
         let format = Format::of(text).map_err(|problem| wrong(format!("time.format: {problem}")))?;
-        return Ok(Timing { group: TimeGroup { columns, clock: clock(format)?, native: false, of }, note });
+        return Ok(Timing {
+            group: TimeGroup { columns, clock: clock(format)?, native: false, may_be_blank: of != TimeOf::All, of },
+            note,
+        });
     }
     let mut records = open()?;
     let mut texts = vec![];
@@ -122,7 +130,10 @@ fn written<R: TableRecords>(
     }
     if native {
         let clock = clock(Format::Epoch { unit_ns: 1, zero_s: 0 })?;
-        return Ok(Timing { group: TimeGroup { columns, clock, native: true, of }, note });
+        return Ok(Timing {
+            group: TimeGroup { columns, clock, native: true, may_be_blank: of != TimeOf::All, of },
+            note,
+        });
     }
     if texts.is_empty() {
         return Err(wrong("expected lines of data below the header, found none".into()));
@@ -131,7 +142,16 @@ fn written<R: TableRecords>(
     let detected = detect(&texts, name, unit, &head.numbers).map_err(wrong)?;
     let known = if note.is_empty() { format!("time is column `{name}`") } else { note };
     let note = format!("{known}: {}", detected.why);
-    Ok(Timing { group: TimeGroup { columns, clock: clock(detected.format)?, native: false, of }, note })
+    Ok(Timing {
+        group: TimeGroup {
+            columns,
+            clock: clock(detected.format)?,
+            native: false,
+            may_be_blank: of != TimeOf::All,
+            of,
+        },
+        note,
+    })
 }
 
 /// Times that count for some columns alone: those that the map gives to signals, and in pairs of time and value side by side those of each pair.

@@ -1,6 +1,8 @@
 //! One column of a file that nobody has mapped: what it holds, in memory that does not grow with the file.
 
 use super::names;
+use crate::import::convert::plain;
+use crate::import::dialect::bracketed;
 use crate::import::findings::Range;
 use crate::import::source::channel::ChannelValue;
 
@@ -136,6 +138,8 @@ pub struct SuggestedColumn {
     pub range: Range,
     /// Cells with text that is no number.
     pub texts: u64,
+    /// The first of them with digits, which may be a number of another spelling.
+    pub unread: Option<String>,
     /// The first different texts.
     pub words: Vec<String>,
     /// The first different numbers.
@@ -151,9 +155,15 @@ impl SuggestedColumn {
     pub(super) fn new(name: &str, unit: &str) -> Self {
         Self {
             name: name.to_owned(),
-            unit: if unit.is_empty() { names::unit(name) } else { unit }.to_owned(),
+            unit: if unit.is_empty() {
+                bracketed(name).map_or_else(|| names::unit(name), |(_, unit)| unit)
+            } else {
+                unit
+            }
+            .to_owned(),
             range: Range::default(),
             texts: 0,
+            unread: None,
             words: vec![],
             distinct: vec![],
             envelope: Envelope::default(),
@@ -168,6 +178,10 @@ impl SuggestedColumn {
             ChannelValue::Whole(whole) => whole as f64,
             ChannelValue::Text(text) => {
                 self.texts += 1;
+                let digits = text.chars().filter(|letter| letter.is_numeric()).count();
+                if self.unread.is_none() && 2 * digits > text.trim().chars().count() {
+                    self.unread = Some(text.trim().chars().take(40).collect());
+                }
                 let known = self.words.iter().position(|word| word == text.trim());
                 if known.is_none() && self.words.len() < MOST_DISTINCT {
                     self.words.push(text.trim().chars().take(40).collect());
@@ -188,6 +202,19 @@ impl SuggestedColumn {
         self.changes += u64::from(self.last.is_some_and(|last| last != number));
         self.last = Some(number);
         self.envelope.take(time_ns, number);
+    }
+
+    /// Whether it is the current of transmitters of 4 to 20 mA: hardly a value between 0 and the faults below 3.6, so that those below and above say that one is broken.
+    #[must_use]
+    pub fn is_live_zero(&self) -> bool {
+        let to_ma = match plain(&self.unit).as_str() {
+            "ma" => 1.0,
+            "a" => 1e3,
+            _ => return false,
+        };
+        let means: Vec<f64> = self.envelope.points().map(|(_, bucket)| bucket.most * to_ma).collect();
+        let count = |range: std::ops::RangeInclusive<f64>| means.iter().filter(|mean| range.contains(mean)).count();
+        count(3.6..=21.0) * 10 >= means.len() * 8 && count(0.5..=3.3) * 100 <= means.len() && !means.is_empty()
     }
 
     /// Two states or fewer, as numbers or as words.

@@ -50,7 +50,7 @@ pub(super) fn machines<'a>(names: impl Iterator<Item = &'a str>) -> Machines {
         let short = |word: &str| word.len() == 1 || word.bytes().all(|byte| byte.is_ascii_digit());
         columns.len() >= if short(one) && short(other) { FEWEST } else { FEWEST_WORDS }
     });
-    let Some(found) = most_columns(&pairs) else { return Machines::default() };
+    let Some(found) = most_columns(&pairs) else { return with_a_word_more(&names) };
     let context = |name: &[String], place: usize| -> Context {
         (place.checked_sub(1).and_then(|before| name.get(before)).cloned(), name.get(place + 1).cloned())
     };
@@ -74,6 +74,30 @@ pub(super) fn machines<'a>(names: impl Iterator<Item = &'a str>) -> Machines {
         });
     }
     Machines { words: said, of }
+}
+
+/// Signals that hold the same twice, once with a word more: `Y_CMD` and `Y_CMD_2`. Two that do may be two transducers of one machine.
+fn with_a_word_more(names: &[Vec<String>]) -> Machines {
+    let mut found: BTreeMap<&str, Vec<(usize, usize)>> = BTreeMap::new();
+    for (second, longer) in names.iter().enumerate() {
+        for (place, word) in longer.iter().enumerate().filter(|(_, word)| tells_machines(word)) {
+            let without = |shorter: &&Vec<String>| {
+                shorter.len() + 1 == longer.len()
+                    && shorter[..place] == longer[..place]
+                    && shorter[place..] == longer[place + 1..]
+            };
+            if let Some(first) = names.iter().position(|shorter| without(&shorter)) {
+                found.entry(word).or_default().push((first, second));
+            }
+        }
+    }
+    let best = found.into_iter().filter(|(_, pairs)| pairs.len() >= FEWEST_WORDS).max_by_key(|(_, pairs)| pairs.len());
+    let Some((word, pairs)) = best else { return Machines::default() };
+    let mut of = vec![None; names.len()];
+    for (first, second) in pairs {
+        (of[first], of[second]) = (Some(0), Some(1));
+    }
+    Machines { words: vec![format!("without {word}"), word.to_owned()], of }
 }
 
 /// The words that belong together and tell most columns apart.
@@ -148,6 +172,11 @@ mod tests {
                 &["north", "south"],
                 &[0, 0, 0, 1, 1, 1][..],
             ),
+            (
+                &["Y_CMD", "Y_POS", "SPOOL", "Y_CMD_2", "Y_POS_2", "SPOOL_2", "ESV"],
+                &["without 2", "2"],
+                &[0, 0, 0, 1, 1, 1, 2][..],
+            ),
         ] {
             let (found, own) = of(names);
             assert_eq!(found, words, "{names:?}");
@@ -167,6 +196,7 @@ mod tests {
                 "/joint_states.velocity[1]",
             ],
             &["U3_Y_CMD", "U3_Y", "U3_SPOOL", "U3_P1", "U3_P2"],
+            &["cmd", "servo", "servo 2", "spool", "spool 2", "p"],
         ] {
             assert!(of(names).0.is_empty(), "{names:?}: {:?}", of(names));
         }

@@ -65,6 +65,7 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
             ("presion", 2.0),
             ("press", 2.0),
             ("oil", 1.0),
+            ("oilp", 2.0),
             ("p", 1.0),
         ],
     ),
@@ -115,7 +116,7 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
             ("hub", 1.0),
             ("position", 1.0),
             ("pos", 1.0),
-            ("y", 0.5),
+            ("y", 1.0),
         ],
     ),
     (
@@ -186,8 +187,10 @@ pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
         if word.len() > 3 { text.contains(word) } else { words.iter().any(|known| known == word) }
     };
     let mut found: Vec<(&'static str, f64)> = vec![];
+    // At the end of a tag it says that this is the process value.
+    let is_value = |word: &str| word == "pv" && words.len() > 1 && words.last().is_some_and(|last| last == "pv");
     for (word, weight) in WORDS.iter().filter(|(of, _)| *of == target).flat_map(|(_, words)| words.iter()) {
-        if has(word) {
+        if has(word) && !is_value(word) {
             found.push((word, *weight));
         }
     }
@@ -298,6 +301,7 @@ mod tests {
             ("/plant/servo_state.spool_position", Target::SpoolPosition),
             ("p_tank", Target::TankPressure),
             ("Öldruck Windkessel", Target::TankPressure),
+            ("U3.GOV.OILP.PV", Target::TankPressure),
             ("/governor/tank_pressure.fluid_pressure", Target::TankPressure),
             ("Steuerdruck", Target::ControlPressure),
             ("/plant/servo_state.control_pressure", Target::ControlPressure),

@@ -3,7 +3,7 @@
 use super::column::SuggestedColumn;
 use super::names::words;
 use super::trip::running_states;
-use crate::import::convert::{pressure, share};
+use crate::import::convert::{plain, pressure, share};
 use crate::import::map::{SignalMap, SignalPlace, TripRule};
 use crate::import::row::Target;
 
@@ -41,7 +41,13 @@ pub(super) fn signal(
             }))];
         }
         Target::TankPressure | Target::ControlPressure => {
-            if pressure(&column.unit).is_some() {
+            if column.is_live_zero() {
+                (signal.conversion.range, signal.conversion.to) = (Some(live_zero(column, 4.0)), [0.0, 100.0]);
+                "bar".clone_into(&mut signal.unit);
+                open.push(format!(
+                    "{id}: the current of a transmitter; replace `to` and `unit` by what it shows at 4 and 20 mA, as its name plate says"
+                ));
+            } else if pressure(&column.unit).is_some() {
                 signal.unit.clone_from(&column.unit);
             } else if let Some((unit, _)) = guessed_pressure(most) {
                 unit.clone_into(&mut signal.unit);
@@ -77,6 +83,13 @@ pub(super) fn signal(
                     rounded(least),
                     rounded(most)
                 ));
+            } else if column.is_live_zero() {
+                signal.unit.clone_from(&column.unit);
+                signal.conversion.range = Some(live_zero(column, if one_sided { 4.0 } else { 12.0 }));
+                let meant = if one_sided { "closed and open" } else { "at neutral and at full stroke" };
+                open.push(format!(
+                    "{id}: the current of a transmitter, with the usual ends of its range; replace them where it gives others {meant}"
+                ));
             } else {
                 signal.unit.clone_from(&column.unit);
                 signal.conversion.range = Some(if one_sided { [least, most] } else { [0.0, farthest] });
@@ -89,10 +102,16 @@ pub(super) fn signal(
         }
     }
     let unit = if target.is_pressure() { pressure(&signal.unit) } else { share(&signal.unit) };
-    if let (None, Some(unit)) = (signal.conversion.range, unit) {
+    if let (true, Some(unit)) = (signal.conversion.range.is_none() || target.is_pressure(), unit) {
         signal.conversion.unit = unit;
     }
     signal
+}
+
+/// The range of a current up to 20 mA, in the unit of the column.
+fn live_zero(column: &SuggestedColumn, from_ma: f64) -> [f64; 2] {
+    let by = if plain(&column.unit) == "a" { 1e3 } else { 1.0 };
+    [from_ma / by, 20.0 / by]
 }
 
 /// The state that means a trip, where the servomotor shows it: it runs in the other.

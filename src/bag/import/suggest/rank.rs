@@ -197,6 +197,8 @@ fn evidence(column: &SuggestedColumn, target: Target) -> (f64, Vec<String>) {
     if is_pressure && target.is_pressure() {
         sum += 2.0;
         why.push(format!("its unit {}", column.unit));
+    } else if target.is_pressure() && column.is_live_zero() {
+        why.push("the current of a transmitter".to_owned());
     } else if is_pressure != target.is_pressure() && !column.unit.is_empty() {
         sum -= 5.0;
     } else if share(&column.unit).is_some() && !target.is_pressure() && target != Target::Esv {

@@ -1,0 +1,499 @@
+//! A table by kind of what is easily read wrong: each case is made here, and is read right, asked about, or refused; none is wrong without a word.
+
+use std::collections::BTreeMap;
+
+use super::formats::{LabView, influx, influx_pivot, labview, wincc};
+use super::*;
+
+/// What must become of a case.
+#[derive(Clone, Copy, Debug)]
+enum Expected {
+    /// The right values.
+    Right,
+    /// The right values but of those that are not good, which are left out.
+    Rest,
+    /// A question or warning with these words.
+    Asked(&'static str),
+    /// An error with these words.
+    Refused(&'static str),
+}
+use Expected::{Asked, Refused, Rest, Right};
+
+struct Case {
+    kind: &'static str,
+    name: String,
+    text: String,
+    /// Of tables for which a map is not proposed.
+    map: Option<&'static str>,
+    expected: Expected,
+}
+
+#[derive(Default)]
+struct Cases(Vec<Case>);
+
+impl Cases {
+    fn add(&mut self, kind: &'static str, name: impl Into<String>, text: String, expected: Expected) {
+        self.0.push(Case { kind, name: name.into(), text, map: None, expected });
+    }
+
+    fn by_map(&mut self, kind: &'static str, name: &str, text: String, map: &'static str, expected: Expected) {
+        self.0.push(Case { kind, name: name.to_owned(), text, map: Some(map), expected });
+    }
+}
+
+/// Rows, and everything that was said.
+fn outcome(case: &Case) -> Result<(Vec<ImportedRow>, String), ImportError> {
+    match case.map {
+        None => by_proposal(&case.text)
+            .map(|(rows, outcome, proposal)| (rows, [proposal.open, outcome.warnings].concat().join("\n"))),
+        Some(map) => {
+            let (_folder, path) = file("t.csv", &case.text);
+            rows(&[path], map).map(|(rows, outcome)| (rows, outcome.warnings.join("\n")))
+        }
+    }
+}
+
+/// Whether each value is that of the recording at its time, and hardly one is missing.
+fn is_right(rows: &[ImportedRow], fewest: usize) -> Result<(), String> {
+    for (k, target) in TARGETS.into_iter().enumerate() {
+        let found = series(rows, target);
+        let scale = if target.is_pressure() { 1e5 } else { 0.01 };
+        if found.len() < fewest || found.len() > rejection().len() {
+            return Err(format!("{target:?}: {} samples", found.len()));
+        }
+        for (time_s, value) in found {
+            let truth = rejection().get((time_s / 0.04).round() as usize).ok_or(format!("a row at {time_s} s"))?;
+            let expected = truth.values[k] * scale;
+            if (value - expected).abs() > 0.02 * scale || (time_s - truth.time_s).abs() > 4e-3 {
+                return Err(format!("{target:?} at {time_s} s: {value}, expected {expected}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+const NAMES: [&str; 4] = ["Y_CMD", "Y_POS", "SPOOL", "OILP"];
+const UNITS: [&str; 4] = ["%", "%", "%", "bar"];
+
+fn seconds(row: &Truth) -> String {
+    format!("{:.2}", row.time_s)
+}
+
+/// A table with seconds in the first column.
+fn timed(header: &str, cell: impl Fn(f64, usize) -> String, between: &str) -> String {
+    let header = if header.contains(';') { header.to_owned() } else { header.replace(',', between) };
+    wide(&header, rejection(), seconds, cell, between)
+}
+
+fn senders(cases: &mut Cases) {
+    const KIND: &str = "sender or machine";
+    let other = recording("practice/case_05/load_rejection.mcap", 4);
+    let two = |one: &dyn Fn(&str) -> String, two: &dyn Fn(&str) -> String| {
+        let names = |name: &dyn Fn(&str) -> String| {
+            NAMES.iter().zip(UNITS).map(|(of, unit)| format!("{} [{unit}]", name(of))).collect::<Vec<_>>().join(",")
+        };
+        let mut text = format!("Time,{},{}\n", names(one), names(two));
+        for (one, two) in rejection().iter().zip(&other) {
+            let cells: Vec<String> = one.values.iter().chain(&two.values).map(f64::to_string).collect();
+            let _ = writeln!(text, "{},{}", iso(one), cells.join(","));
+        }
+        text
+    };
+    cases.add(KIND, "numbers before", two(&|name| format!("U3_{name}"), &|name| format!("U5_{name}")), Right);
+    cases.add(KIND, "numbers behind", two(&|name| format!("{name}_3"), &|name| format!("{name}_5")), Right);
+    cases.add(KIND, "a number of the second alone", two(&str::to_owned, &|name| format!("{name}_2")), Right);
+    cases.add(KIND, "paths", two(&|name| format!("/P/U3/GOV/{name}"), &|name| format!("/P/U5/GOV/{name}")), Right);
+    cases.add(KIND, "words", two(&|name| format!("{name} north"), &|name| format!("{name} south")), Right);
+    cases.add(KIND, "nameless others", two(&str::to_owned, &|name| format!("AI{}", name.len() + 12)), Right);
+    let mut tall = "Tag,Timestamp,Value,Unit\n".to_owned();
+    let (mut numbered, mut unit_column) = (
+        "Unit_No,Tag,Timestamp,Value\n".to_owned(),
+        "Unit,Timestamp,Y_CMD [%],Y_POS [%],SPOOL [%],OILP [bar]\n".to_owned(),
+    );
+    let mut by_turns = String::from("Machine,t [s],Y_CMD [%],Y_POS [%],SPOOL [%],OILP [bar]\n");
+    for (unit, rows, shift_s) in [(3, rejection(), 0.0), (5, &other[..], 300.0)] {
+        for row in rows {
+            for (k, name) in NAMES.iter().enumerate() {
+                let _ = writeln!(tall, "U{unit}.{name},{},{},{}", iso(row), row.values[k], UNITS[k]);
+                let _ = writeln!(numbered, "{unit},{name} [{}],{},{}", UNITS[k], iso(row), row.values[k]);
+            }
+            let cells = row.values.map(|value| value.to_string()).join(",");
+            let _ = writeln!(unit_column, "U{unit},{},{cells}", iso(row));
+            let _ = writeln!(by_turns, "{unit},{:.2},{cells}", row.time_s + shift_s);
+        }
+    }
+    cases.add(KIND, "tags", tall, Right);
+    cases.add(KIND, "a column of machines beside tags", numbered, Refused("`Unit_No` says `3`, `5`"));
+    cases.add(KIND, "a column of machines beside rows", unit_column, Refused("`Unit` says `U3`, `U5`"));
+    cases.add(KIND, "one machine after the other", by_turns, Refused("`Machine` says `3`, `5`"));
+    cases.add(KIND, "series of a database", influx(&[("U3", rejection()), ("U5", &other)], true), Right);
+}
+
+fn times(cases: &mut Cases) {
+    const KIND: &str = "time";
+    let headed = |header: &str, time: &dyn Fn(&Truth) -> String| {
+        wide(&HEADER.replace("Timestamp", header), rejection(), time, plain, ",")
+    };
+    let count = |unit_s: f64, zero: i64| move |row: &Truth| (zero + (row.time_s / unit_s).round() as i64).to_string();
+    cases.add(KIND, "FILETIME", headed("Time", &count(1e-7, 134_345_759_000_000_000)), Right);
+    cases.add(KIND, ".NET ticks", headed("Time", &count(1e-7, 639_000_000_000_000_000)), Right);
+    cases.add(KIND, "us since 1970", headed("Time", &count(1e-6, 1_790_102_300_000_000)), Right);
+    cases.add(KIND, "ms since boot", headed("t [ms]", &count(1e-3, 900_000_000)), Right);
+    cases.add(KIND, "ms since boot, no unit", headed("t", &count(1e-3, 900_000_000)), Refused("time: {format"));
+    cases.add(
+        KIND,
+        "a counter that runs over",
+        headed("t [ms]", &|row| ((60_000 + (row.time_s * 1e3).round() as i64) % 65_536).to_string()),
+        Right,
+    );
+    cases.add(
+        KIND,
+        "seconds of GPS",
+        headed("GPS s", &|row| format!("{:.2}", 1_474_137_518.0 + row.time_s)),
+        Refused("GPS"),
+    );
+    cases.add(
+        KIND,
+        "days of Excel",
+        headed("Time", &|row| format!("{:.10}", 46_287.776_620_37 + row.time_s / 86_400.0)),
+        Right,
+    );
+    cases.add(
+        KIND,
+        "ms behind a colon",
+        headed("Time", &|row| {
+            let text = iso(row);
+            format!("22.09.2026 {}:{}", &text[11..19], &text[20..23])
+        }),
+        Right,
+    );
+    cases.add(KIND, "basic ISO", headed("Time", &|row| iso(row).replace(['-', ':', 'Z'], "")), Right);
+    cases.add(
+        KIND,
+        "month or day",
+        headed("Time", &|row| format!("09/05/2026 {}", &iso(row)[11..23])),
+        Refused("month/day or day/month"),
+    );
+    let mut newest = rejection().to_vec();
+    newest.reverse();
+    cases.add(KIND, "newest first", wide(HEADER, &newest, iso, plain, ","), Right);
+    let parts = [&rejection()[600..], &rejection()[..600]].concat();
+    cases.add(KIND, "parts in another order", wide(HEADER, &parts, iso, plain, ","), Right);
+    let twice = [&rejection()[..700], &rejection()[200..]].concat();
+    cases.add(KIND, "two recordings", wide(HEADER, &twice, iso, plain, ","), Refused("split the file"));
+    let unit = |tag: &str| UNITS[TAGS.iter().position(|known| *known == tag).unwrap()];
+    let line = |tag: &str, row: &Truth, value: f64| format!("{tag},{},{value},{}", iso(row), unit(tag));
+    cases.add(KIND, "one tag after the other", tall("Tag,Timestamp,Value,Unit", true, line), Right);
+    cases.add(KIND, "tags by turns", tall("Tag,Timestamp,Value,Unit", false, line), Right);
+    let cut = |tag: &str, row: &Truth, value: f64| format!("{tag},{}Z,{value},{}", &iso(row)[..19], unit(tag));
+    cases.add(
+        KIND,
+        "whole seconds of tags",
+        tall("Tag,Timestamp,Value,Unit", true, cut),
+        Asked("the time of the one before"),
+    );
+    // Pairs of time and value side by side, of which the first ends first.
+    let mut pairs = String::from("Time,cmd [%],Time,servo [%],Time,spool [%],Time,p tank [bar]\n");
+    for (k, row) in rejection().iter().enumerate() {
+        let pair = |signal: usize| {
+            let ended = signal == 0 && k >= 950;
+            if ended {
+                ",".to_owned()
+            } else {
+                format!("{:.3},{}", row.time_s + 1e-3 * signal as f64, row.values[signal])
+            }
+        };
+        let _ = writeln!(pairs, "{}", (0..4).map(pair).collect::<Vec<_>>().join(","));
+    }
+    cases.add(KIND, "pairs side by side", pairs, Rest);
+}
+
+fn numbers(cases: &mut Cases) {
+    const KIND: &str = "number or unit";
+    let header = HEADER.replace("Timestamp", "t [s]");
+    for sign in
+        ["\u{2212}", "\u{2013}", "\u{2014}", "\u{2012}", "\u{2010}", "\u{ff0d}", "\u{fe63}", "\u{2796}", "\u{ad}"]
+    {
+        let cell = |value: f64, _: usize| format!("{}{:.4}", if value < 0.0 { sign } else { "" }, value.abs());
+        cases.add(
+            KIND,
+            format!("minus U+{:04X}", sign.chars().next().unwrap() as u32),
+            timed(&header, cell, ","),
+            Right,
+        );
+    }
+    let kpa = header.replace("bar", "kPa");
+    let grouped = |value: f64, k: usize, group: &str, decimal: &str| {
+        if k < 3 {
+            return format!("{value:.4}").replace('.', decimal);
+        }
+        let text = format!("{:.1}", value * 100.0);
+        format!("{}{group}{}", &text[..1], &text[1..])
+            .replace('.', if group == "." { "#" } else { "." })
+            .replace('#', ".")
+    };
+    for (name, group, decimal) in [
+        ("narrow blanks", "\u{202f}", "."),
+        ("apostrophes", "'", "."),
+        ("curly apostrophes", "\u{2019}", "."),
+        ("commas", ",", "."),
+    ] {
+        cases.add(KIND, name, timed(&kpa, |value, k| grouped(value, k, group, decimal), ";"), Right);
+    }
+    let german = |value: f64, k: usize| {
+        let text = format!("{:.1}", value * 100.0);
+        if k < 3 {
+            format!("{value:.4}").replace('.', ",")
+        } else {
+            format!("{}.{}", &text[..1], text[1..].replace('.', ","))
+        }
+    };
+    let comma_times = timed(&kpa, german, ";");
+    let comma_times = comma_times
+        .lines()
+        .map(|line| line.split_once(';').unwrap())
+        .map(|(time, rest)| format!("{};{rest}\n", time.replace('.', ",")));
+    cases.add(KIND, "points between groups", comma_times.collect(), Right);
+    let whole = |value: f64, k: usize| {
+        if k < 3 {
+            value.to_string()
+        } else {
+            format!("{},{:03}", (value * 100.0) as u32 / 1000, (value * 100.0) as u32 % 1000)
+        }
+    };
+    cases.add(KIND, "groups that may be decimals", timed(&kpa, whole, ";"), Asked("thousands"));
+    for (name, header) in [
+        ("units behind blanks", "t s;cmd %;servo %;spool %;p tank bar"),
+        ("units behind commas", "t, s;cmd, %;servo, %;spool, %;p tank, bar"),
+        ("units behind a word", "t in s;cmd in %;servo in %;spool in %;p tank in bar"),
+        ("units behind strokes", "t / s;cmd / %;servo / %;spool / %;p tank / bar"),
+        ("units in names", "t_s;cmd_pct;servo_pct;spool_pct;tank_bar"),
+    ] {
+        cases.add(KIND, name, timed(header, plain, ";"), Right);
+    }
+    cases.add(
+        KIND,
+        "kPa behind a blank",
+        timed(
+            "t [s];cmd %;servo %;spool %;p kPa",
+            |value, k| if k < 3 { value.to_string() } else { format!("{:.1}", value * 100.0) },
+            ";",
+        ),
+        Right,
+    );
+    cases.add(
+        KIND,
+        "units in cells",
+        wide(
+            "Time,Command,Gate servo,Spool,Oil pressure tank",
+            rejection(),
+            |row| format!("{:.2}s", row.time_s),
+            |value, k| format!("{value} {}", UNITS[k]),
+            ",",
+        ),
+        Right,
+    );
+    cases.add(
+        KIND,
+        "other digits",
+        timed(
+            &header,
+            |value, k| {
+                let text = value.to_string();
+                if k < 2 || k == 3 {
+                    text
+                } else {
+                    text.chars()
+                        .map(|letter| {
+                            letter.to_digit(10).and_then(|digit| char::from_u32(0x660 + digit)).unwrap_or(letter)
+                        })
+                        .collect()
+                }
+            },
+            ",",
+        ),
+        Asked("are no numbers"),
+    );
+}
+
+/// Rows with another text for some of the servomotor's values.
+fn marked(header: &str, mark: impl Fn(bool, f64) -> String) -> String {
+    let mut text = format!("t [s],cmd [%],spool [%],p tank [bar],{header}\n");
+    for (k, row) in rejection().iter().enumerate() {
+        let [command, servomotor, spool, pressure] = row.values;
+        let cells = mark((300..330).contains(&k), servomotor);
+        let _ = writeln!(text, "{:.2},{command},{spool},{pressure},{cells}", row.time_s);
+    }
+    text
+}
+
+fn qualities(cases: &mut Cases) {
+    const KIND: &str = "quality";
+    for (header, good, bad, expected) in [
+        ("servo quality", "192", "24", Rest),
+        ("servo q", "216", "0", Rest),
+        ("servo quality", "0xC0", "0x00", Rest),
+        ("servo StatusCode", "0x00000000", "0x80000000", Rest),
+        ("servo QC", "128", "0", Rest),
+        ("servo quality code", "16#80", "16#00", Rest),
+        ("servo quality", "[valid]", "[invalid]", Rest),
+        ("servo state", "OK", "NOK", Rest),
+        ("servo quality", "Good", "UncertainLastUsableValue", Rest),
+        ("servo_bad", "0", "1", Rest),
+        ("servo_invalid", "false", "true", Rest),
+        ("Questionable", "False", "True", Rest),
+        ("PctGood", "100", "0", Rest),
+        ("servo status", "0", "248", Asked("quality:")),
+        ("servo status", "1", "0", Asked("quality:")),
+        ("servo fault", "0", "1", Asked("quality:")),
+        ("servo flag", "", "*", Asked("quality:")),
+    ] {
+        let text = marked(&format!("servo [%],{header}"), |is_bad, value| {
+            format!("{},{}", if is_bad { 0.0 } else { value }, if is_bad { bad } else { good })
+        });
+        cases.add(KIND, format!("{header}: {good}, {bad}"), text, expected);
+    }
+    for (stands, expected) in [
+        ("-9999", Asked("stand for no value")),
+        ("-999.25", Asked("stand for no value")),
+        ("3.4028235E+38", Asked("stand for no value")),
+        ("I/O Timeout", Asked("missing:")),
+        ("Bad", Rest),
+        ("0", Asked("saturated")),
+    ] {
+        let text = marked("servo [%]", |is_bad, value| if is_bad { stands.to_owned() } else { value.to_string() });
+        cases.add(KIND, format!("instead of a value: {stands}"), text, expected);
+    }
+}
+
+fn currents(cases: &mut Cases) {
+    const KIND: &str = "4 to 20 mA";
+    let map = "signals: {opening_command: {column: cmd}, spool_position: {column: spool}, tank_pressure: {column: p tank}, servomotor_position: ";
+    let current =
+        |fault: f64| move |is_bad: bool, value: f64| if is_bad { fault } else { 4.0 + 0.16 * value }.to_string();
+    for fault in [0.0, 3.5, 21.5, 22.8] {
+        let text = marked("servo [mA]", current(fault));
+        cases.add(KIND, format!("a fault of {fault} mA"), text, Rest);
+    }
+    for (name, unit, range, by) in [
+        ("calibrated", "mA", "{column: servo, range: [4, 20.0]}}", 1.0),
+        ("amperes", "A", "{column: servo, range: [0.004, 0.02]}}", 1e-3),
+        ("scale and offset", "mA", "{column: servo, scale: 0.0625, offset: -0.25, unit: pu}}", 1.0),
+    ] {
+        let text = marked(&format!("servo [{unit}]"), |is_bad, value| {
+            (if is_bad { 22.0 } else { 4.0 + 0.16 * value } * by).to_string()
+        });
+        let map: &'static str = Box::leak(format!("{map}{range}\n").into_boxed_str());
+        cases.by_map(KIND, name, text, map, Rest);
+    }
+    let volts = marked("servo [V]", |_, value| (4.0 + 0.16 * value).to_string());
+    let map: &'static str = Box::leak(format!("{map}{{column: servo, range: [4, 20]}}}}\n").into_boxed_str());
+    cases.by_map(KIND, "volts are no current", volts, map, Right);
+}
+
+fn formats(cases: &mut Cases) {
+    const KIND: &str = "format";
+    for (times, decimal, segments) in
+        [("One", '.', 1), ("One", ',', 3), ("No", '.', 1), ("No", ',', 3), ("Multi", '.', 2)]
+    {
+        let text = labview(LabView { times, decimal, separator: '\t', segments });
+        cases.add(KIND, format!("LVM, X_Columns {times}, `{decimal}`, {segments} segments"), text, Right);
+    }
+    cases.add(KIND, "InfluxDB, a table for each series", influx(&[("U3", rejection())], true), Right);
+    cases.add(KIND, "InfluxDB, one table", influx(&[("U3", rejection())], false), Right);
+    cases.add(KIND, "InfluxDB, pivot", influx_pivot(), Right);
+    cases.add(KIND, "WinCC", wincc("\"", true, true, 0..0), Right);
+    cases.add(KIND, "WinCC, row by row", wincc("", false, false, 0..0), Right);
+    cases.add(KIND, "WinCC, values that are not valid", wincc("\"", true, true, 300..330), Rest);
+    let cfg = "PLANT,GOV,1999\n1,1A,0D\n1,Y,,,%,0.01,0,0,-32767,32767,1,1,P\n50\n";
+    cases.add(KIND, "COMTRADE", cfg.to_owned(), Refused("COMTRADE"));
+    cases.add(KIND, "COMTRADE in one file", format!("--- file type: CFG ---\n{cfg}"), Refused("COMTRADE"));
+    cases.add(KIND, "MDF", "MDF     4.10    x".to_owned(), Refused("MDF"));
+}
+
+fn impossible(cases: &mut Cases) {
+    const KIND: &str = "impossible";
+    let header = "t [s],cmd [%],servo [%],spool [%],p tank [bar],TRIP";
+    let map = "signals: {opening_command: {column: cmd}, servomotor_position: {column: servo}, spool_position: {column: spool}, tank_pressure: {column: p tank}, esv: \
+               {column: TRIP, shutdown: 1}}\n";
+    let rows = rejection();
+    let count = rows.len();
+    let changes: [(&str, &dyn Fn(usize) -> ([f64; 4], u8), &'static str); 9] = [
+        (
+            "the position is the command",
+            &|k| ([rows[k].values[0], rows[k].values[0], rows[k].values[2], rows[k].values[3]], 0),
+            "is the command",
+        ),
+        (
+            "the command is the position",
+            &|k| ([rows[k].values[1], rows[k].values[1], rows[k].values[2], rows[k].values[3]], 0),
+            "is the command",
+        ),
+        ("time runs backwards", &|k| (rows[count - 1 - k].values, 0), "against"),
+        (
+            "the position is turned",
+            &|k| ([rows[k].values[0], 100.0 - rows[k].values[1], rows[k].values[2], rows[k].values[3]], 0),
+            "against",
+        ),
+        (
+            "the position is doubled",
+            &|k| ([rows[k].values[0], 2.0 * rows[k].values[1], rows[k].values[2], rows[k].values[3]], 0),
+            "doubled",
+        ),
+        (
+            "the spool is turned",
+            &|k| ([rows[k].values[0], rows[k].values[1], -rows[k].values[2], rows[k].values[3]], 0),
+            "sign: -1",
+        ),
+        (
+            "the position is held",
+            &|k| ([rows[k].values[0], rows[k - k % 12].values[1], rows[k].values[2], rows[k].values[3]], 0),
+            "held",
+        ),
+        ("it runs while tripped", &|k| (rows[k].values, 1), "wrong way round"),
+        (
+            "pressure is a tenth",
+            &|k| ([rows[k].values[0], rows[k].values[1], rows[k].values[2], rows[k].values[3] / 100.0], 0),
+            "expected 5.0e5",
+        ),
+    ];
+    for (name, change, words) in changes {
+        let mut text = format!("{header}\n");
+        for (k, row) in rows.iter().enumerate() {
+            let (values, trip) = change(k);
+            let _ = writeln!(text, "{:.2},{},{trip}", row.time_s, values.map(|value| value.to_string()).join(","));
+        }
+        cases.by_map(KIND, name, text, map, Asked(words));
+    }
+}
+
+#[test]
+fn nothing_is_read_wrong_without_a_word() {
+    let mut cases = Cases::default();
+    for add in [senders, times, numbers, qualities, currents, formats, impossible] {
+        add(&mut cases);
+    }
+    let mut table: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
+    let mut wrong = vec![];
+    for case in &cases.0 {
+        let found = outcome(case);
+        // What is right is so, whatever is said; other values without the words that were expected are silent.
+        let verdict = match (&found, case.expected) {
+            (Ok((rows, _)), Right | Rest) => {
+                let fewest = if matches!(case.expected, Right) { rejection().len() } else { rejection().len() - 50 };
+                is_right(rows, fewest).map(|()| 0)
+            }
+            (Ok((_, said)), Asked(words)) if said.contains(words) => Ok(1),
+            (Ok((_, said)), expected) => Err(format!("expected {expected:?}, said: {said}")),
+            (Err(error), Refused(words)) if error.to_string().contains(words) => Ok(2),
+            (Err(error), expected) => Err(format!("expected {expected:?}, refused: {error}")),
+        };
+        table.entry(case.kind).or_default()[*verdict.as_ref().unwrap_or(&3)] += 1;
+        wrong.extend(verdict.err().map(|problem| format!("{}, {}: {problem}", case.kind, case.name)));
+    }
+    println!("{:<20} {:>6} {:>6} {:>8} {:>7}", "kind", "right", "asked", "refused", "silent");
+    for (kind, counts) in &table {
+        println!("{kind:<20} {:>6} {:>6} {:>8} {:>7}", counts[0], counts[1], counts[2], counts[3]);
+    }
+    assert!(wrong.is_empty(), "{} of {} cases:\n{}", wrong.len(), cases.0.len(), wrong.join("\n"));
+}
