@@ -1,8 +1,11 @@
 //! A table by kind of what is easily read wrong: each case is made here, and is read right, asked about, or refused; none is wrong without a word.
 
+#[path = "every_kind_of_value.rs"]
+mod of_value;
+
 use std::collections::BTreeMap;
 
-use super::formats::{LabView, influx, influx_pivot, labview, wincc};
+use super::formats::influx;
 use super::*;
 
 /// What must become of a case.
@@ -316,161 +319,12 @@ fn numbers(cases: &mut Cases) {
     );
 }
 
-/// Rows with another text for some of the servomotor's values.
-fn marked(header: &str, mark: impl Fn(bool, f64) -> String) -> String {
-    let mut text = format!("t [s],cmd [%],spool [%],p tank [bar],{header}\n");
-    for (k, row) in rejection().iter().enumerate() {
-        let [command, servomotor, spool, pressure] = row.values;
-        let cells = mark((300..330).contains(&k), servomotor);
-        let _ = writeln!(text, "{:.2},{command},{spool},{pressure},{cells}", row.time_s);
-    }
-    text
-}
-
-fn qualities(cases: &mut Cases) {
-    const KIND: &str = "quality";
-    for (header, good, bad, expected) in [
-        ("servo quality", "192", "24", Rest),
-        ("servo q", "216", "0", Rest),
-        ("servo quality", "0xC0", "0x00", Rest),
-        ("servo StatusCode", "0x00000000", "0x80000000", Rest),
-        ("servo QC", "128", "0", Rest),
-        ("servo quality code", "16#80", "16#00", Rest),
-        ("servo quality", "[valid]", "[invalid]", Rest),
-        ("servo state", "OK", "NOK", Rest),
-        ("servo quality", "Good", "UncertainLastUsableValue", Rest),
-        ("servo_bad", "0", "1", Rest),
-        ("servo_invalid", "false", "true", Rest),
-        ("Questionable", "False", "True", Rest),
-        ("PctGood", "100", "0", Rest),
-        ("servo status", "0", "248", Asked("quality:")),
-        ("servo status", "1", "0", Asked("quality:")),
-        ("servo fault", "0", "1", Asked("quality:")),
-        ("servo flag", "", "*", Asked("quality:")),
-    ] {
-        let text = marked(&format!("servo [%],{header}"), |is_bad, value| {
-            format!("{},{}", if is_bad { 0.0 } else { value }, if is_bad { bad } else { good })
-        });
-        cases.add(KIND, format!("{header}: {good}, {bad}"), text, expected);
-    }
-    for (stands, expected) in [
-        ("-9999", Asked("stand for no value")),
-        ("-999.25", Asked("stand for no value")),
-        ("3.4028235E+38", Asked("stand for no value")),
-        ("I/O Timeout", Asked("missing:")),
-        ("Bad", Rest),
-        ("0", Asked("saturated")),
-    ] {
-        let text = marked("servo [%]", |is_bad, value| if is_bad { stands.to_owned() } else { value.to_string() });
-        cases.add(KIND, format!("instead of a value: {stands}"), text, expected);
-    }
-}
-
-fn currents(cases: &mut Cases) {
-    const KIND: &str = "4 to 20 mA";
-    let map = "signals: {opening_command: {column: cmd}, spool_position: {column: spool}, tank_pressure: {column: p tank}, servomotor_position: ";
-    let current =
-        |fault: f64| move |is_bad: bool, value: f64| if is_bad { fault } else { 4.0 + 0.16 * value }.to_string();
-    for fault in [0.0, 3.5, 21.5, 22.8] {
-        let text = marked("servo [mA]", current(fault));
-        cases.add(KIND, format!("a fault of {fault} mA"), text, Rest);
-    }
-    for (name, unit, range, by) in [
-        ("calibrated", "mA", "{column: servo, range: [4, 20.0]}}", 1.0),
-        ("amperes", "A", "{column: servo, range: [0.004, 0.02]}}", 1e-3),
-        ("scale and offset", "mA", "{column: servo, scale: 0.0625, offset: -0.25, unit: pu}}", 1.0),
-    ] {
-        let text = marked(&format!("servo [{unit}]"), |is_bad, value| {
-            (if is_bad { 22.0 } else { 4.0 + 0.16 * value } * by).to_string()
-        });
-        let map: &'static str = Box::leak(format!("{map}{range}\n").into_boxed_str());
-        cases.by_map(KIND, name, text, map, Rest);
-    }
-    let volts = marked("servo [V]", |_, value| (4.0 + 0.16 * value).to_string());
-    let map: &'static str = Box::leak(format!("{map}{{column: servo, range: [4, 20]}}}}\n").into_boxed_str());
-    cases.by_map(KIND, "volts are no current", volts, map, Right);
-}
-
-fn formats(cases: &mut Cases) {
-    const KIND: &str = "format";
-    for (times, decimal, segments) in
-        [("One", '.', 1), ("One", ',', 3), ("No", '.', 1), ("No", ',', 3), ("Multi", '.', 2)]
-    {
-        let text = labview(LabView { times, decimal, separator: '\t', segments });
-        cases.add(KIND, format!("LVM, X_Columns {times}, `{decimal}`, {segments} segments"), text, Right);
-    }
-    cases.add(KIND, "InfluxDB, a table for each series", influx(&[("U3", rejection())], true), Right);
-    cases.add(KIND, "InfluxDB, one table", influx(&[("U3", rejection())], false), Right);
-    cases.add(KIND, "InfluxDB, pivot", influx_pivot(), Right);
-    cases.add(KIND, "WinCC", wincc("\"", true, true, 0..0), Right);
-    cases.add(KIND, "WinCC, row by row", wincc("", false, false, 0..0), Right);
-    cases.add(KIND, "WinCC, values that are not valid", wincc("\"", true, true, 300..330), Rest);
-    let cfg = "PLANT,GOV,1999\n1,1A,0D\n1,Y,,,%,0.01,0,0,-32767,32767,1,1,P\n50\n";
-    cases.add(KIND, "COMTRADE", cfg.to_owned(), Refused("COMTRADE"));
-    cases.add(KIND, "COMTRADE in one file", format!("--- file type: CFG ---\n{cfg}"), Refused("COMTRADE"));
-    cases.add(KIND, "MDF", "MDF     4.10    x".to_owned(), Refused("MDF"));
-}
-
-fn impossible(cases: &mut Cases) {
-    const KIND: &str = "impossible";
-    let header = "t [s],cmd [%],servo [%],spool [%],p tank [bar],TRIP";
-    let map = "signals: {opening_command: {column: cmd}, servomotor_position: {column: servo}, spool_position: {column: spool}, tank_pressure: {column: p tank}, esv: \
-               {column: TRIP, shutdown: 1}}\n";
-    let rows = rejection();
-    let count = rows.len();
-    let changes: [(&str, &dyn Fn(usize) -> ([f64; 4], u8), &'static str); 9] = [
-        (
-            "the position is the command",
-            &|k| ([rows[k].values[0], rows[k].values[0], rows[k].values[2], rows[k].values[3]], 0),
-            "is the command",
-        ),
-        (
-            "the command is the position",
-            &|k| ([rows[k].values[1], rows[k].values[1], rows[k].values[2], rows[k].values[3]], 0),
-            "is the command",
-        ),
-        ("time runs backwards", &|k| (rows[count - 1 - k].values, 0), "against"),
-        (
-            "the position is turned",
-            &|k| ([rows[k].values[0], 100.0 - rows[k].values[1], rows[k].values[2], rows[k].values[3]], 0),
-            "against",
-        ),
-        (
-            "the position is doubled",
-            &|k| ([rows[k].values[0], 2.0 * rows[k].values[1], rows[k].values[2], rows[k].values[3]], 0),
-            "doubled",
-        ),
-        (
-            "the spool is turned",
-            &|k| ([rows[k].values[0], rows[k].values[1], -rows[k].values[2], rows[k].values[3]], 0),
-            "sign: -1",
-        ),
-        (
-            "the position is held",
-            &|k| ([rows[k].values[0], rows[k - k % 12].values[1], rows[k].values[2], rows[k].values[3]], 0),
-            "held",
-        ),
-        ("it runs while tripped", &|k| (rows[k].values, 1), "wrong way round"),
-        (
-            "pressure is a tenth",
-            &|k| ([rows[k].values[0], rows[k].values[1], rows[k].values[2], rows[k].values[3] / 100.0], 0),
-            "expected 5.0e5",
-        ),
-    ];
-    for (name, change, words) in changes {
-        let mut text = format!("{header}\n");
-        for (k, row) in rows.iter().enumerate() {
-            let (values, trip) = change(k);
-            let _ = writeln!(text, "{:.2},{},{trip}", row.time_s, values.map(|value| value.to_string()).join(","));
-        }
-        cases.by_map(KIND, name, text, map, Asked(words));
-    }
-}
-
 #[test]
 fn nothing_is_read_wrong_without_a_word() {
     let mut cases = Cases::default();
-    for add in [senders, times, numbers, qualities, currents, formats, impossible] {
+    for add in
+        [senders, times, numbers, of_value::qualities, of_value::currents, of_value::formats, of_value::impossible]
+    {
         add(&mut cases);
     }
     let mut table: BTreeMap<&str, [usize; 4]> = BTreeMap::new();

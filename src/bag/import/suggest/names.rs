@@ -188,7 +188,7 @@ pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
     };
     let mut found: Vec<(&'static str, f64)> = vec![];
     // At the end of a tag it says that this is the process value.
-    let is_value = |word: &str| word == "pv" && words.len() > 1 && words.last().is_some_and(|last| last == "pv");
+    let is_value = |word: &str| word == "pv" && words.len() > 2 && words.last().is_some_and(|last| last == "pv");
     for (word, weight) in WORDS.iter().filter(|(of, _)| *of == target).flat_map(|(_, words)| words.iter()) {
         if has(word) && !is_value(word) {
             found.push((word, *weight));
