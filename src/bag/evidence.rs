@@ -192,6 +192,11 @@ impl RowEvidence {
         }
     }
 
+    /// Whether positions and commands are in pu, and not in a unit that nobody states.
+    pub(super) fn is_in_pu(&self) -> bool {
+        self.chain.is_some()
+    }
+
     /// Takes a row.
     pub(super) fn row(&mut self, frame: &Frame) {
         for signal in &mut self.signals {

@@ -29,6 +29,8 @@ pub(super) struct Limits {
 
 /// A command outside this range asks for no guide-vane opening that exists, overshoot included.
 pub(super) const COMMAND_LIMITS: Limits = Limits { what: "opening", unit: "pu", least: -0.5, most: 1.5 };
+/// A command in an unknown unit.
+pub(super) const ANY_COMMAND_LIMITS: Limits = Limits { what: "opening", ..ANY_LIMITS };
 /// From vacuum to ten times the pressure of any governor's tank.
 pub(super) const PRESSURE_LIMITS: Limits = Limits { what: "pressure", unit: "Pa", least: -1.1e5, most: 1.0e8 };
 /// Forces on a piston; the largest servomotors have some 10 MN.
@@ -178,8 +180,8 @@ pub(super) fn check_clocks(
     })
 }
 
-/// The findings on the streams, in the order of [`Stream::ALL`]: by topic, evidence, and how many samples conflicted.
-pub(super) fn of_streams(streams: &mut [(&str, &mut StreamEvidence, u64)]) -> Vec<Finding> {
+/// The findings on the streams, in the order of [`Stream::ALL`]: by topic, evidence, and how many samples conflicted; whether commands are in pu.
+pub(super) fn of_streams(streams: &mut [(&str, &mut StreamEvidence, u64)], in_pu: bool) -> Vec<Finding> {
     let mut found = vec![];
     for (topic, evidence, conflicts) in &mut *streams {
         let mut found = Found::new(topic, &mut found);
@@ -205,7 +207,7 @@ pub(super) fn of_streams(streams: &mut [(&str, &mut StreamEvidence, u64)]) -> Ve
         let channel = &evidence.channel;
         let mut found = Found::new(topic, &mut found);
         match stream {
-            Stream::Command => {
+            Stream::Command if in_pu => {
                 let beyond = (-channel.least).max(channel.most - 1.0);
                 let severity = if beyond > PRESSED_PU { Severity::Warning } else { Severity::Note };
                 if beyond > ROUNDED_PU && channel.count > 0 {

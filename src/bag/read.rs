@@ -162,7 +162,7 @@ fn is_nothing_measured(warning: &Warning) -> bool {
 fn qualify(health: &mut Health, evidence: &mut [StreamEvidence; 4], rows: &mut RowEvidence) {
     let heard = health.streams.iter().zip(evidence.iter_mut());
     let mut heard: Vec<_> = heard.map(|(stream, evidence)| (&*stream.topic, evidence, stream.conflicts)).collect();
-    let mut found = qualification::of_streams(&mut heard);
+    let mut found = qualification::of_streams(&mut heard, rows.is_in_pu());
     if let Some((topic, servo_state, _)) = heard.pop() {
         found.extend(qualification::of_rows(topic, servo_state, rows));
     }

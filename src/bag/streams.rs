@@ -2,7 +2,7 @@
 
 use super::evidence::StreamEvidence;
 use super::qualification::{
-    ANY_LIMITS, COMMAND_LIMITS, FORCE_LIMITS, POSITION_LIMITS, PRESSURE_LIMITS, check_tank_pressure,
+    ANY_COMMAND_LIMITS, ANY_LIMITS, COMMAND_LIMITS, FORCE_LIMITS, POSITION_LIMITS, PRESSURE_LIMITS, check_tank_pressure,
 };
 use super::topic::RawView;
 use super::{Positions, StreamHealth, cdr};
@@ -51,8 +51,10 @@ pub(super) struct OpeningCommand(pub(super) f64);
 impl Value for OpeningCommand {
     type Message = msg::GovernorCommand;
 
-    fn of(message: &Self::Message, _: Positions, _: &mut Vec<String>) -> Result<Self, String> {
-        COMMAND_LIMITS.check(message.opening).map(Self)
+    fn of(message: &Self::Message, positions: Positions, _: &mut Vec<String>) -> Result<Self, String> {
+        // Where nobody states what positions are recorded in, nobody states it of what is asked for.
+        let limits = if positions == Positions::AnyUnit { ANY_COMMAND_LIMITS } else { COMMAND_LIMITS };
+        limits.check(message.opening).map(Self)
     }
 
     fn frame_id(message: &Self::Message) -> &str {

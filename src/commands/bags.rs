@@ -184,22 +184,22 @@ const OWN: &str = "simulated by govtwin's own twin, which says nothing of the un
 /// one of the servomotor stage, driven by its spool; that other inputs are missing is then no news. What is read is held against
 /// the sheet of the unit where it may have another unit of measure.
 pub fn read(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<Recordings> {
-    read_as(paths, topics, unit, Positions::of(unit.recorded)).inspect(tell)
+    read_as(paths, topics, unit, Positions::of(unit.recorded), false).inspect(tell)
 }
 
 /// Reads all bags where no sheet is given, and says whether there is nothing but servomotor stages in them, whose positions are then in any unit.
 ///
-/// `stage_only` takes the servomotor stage of recordings with a command as well.
+/// `stage` takes the servomotor stage of recordings with a command as well, where it is wanted.
 pub fn read_without_sheet(
     paths: &[PathBuf],
     topics: &Topics,
     reference: &Unit,
-    stage_only: bool,
+    stage: StageWanted,
 ) -> anyhow::Result<(Recordings, bool)> {
     let has_command = |found: &Recordings| found.recordings.iter().any(Recording::has_command);
     // Whole chains are what is nearly always given: they are read once.
     let positions = Positions::of(reference.recorded);
-    let chains = (!stage_only).then(|| read_as(paths, topics, reference, positions));
+    let chains = (stage == StageWanted::IfNoCommand).then(|| read_as(paths, topics, reference, positions, false));
     let chains = match chains {
         Some(Ok(found)) if has_command(&found) => {
             tell(&found);
@@ -207,14 +207,30 @@ pub fn read_without_sheet(
         }
         others => others,
     };
-    let found = read_as(paths, topics, reference, Positions::AnyUnit)?;
-    let (found, stage_only) = match chains {
-        Some(chains) if has_command(&found) => (chains?, false),
-        _ => (found, true),
-    };
+    let mut found = read_as(paths, topics, reference, Positions::AnyUnit, stage == StageWanted::Uncut)?;
+    if let Some(chains) = chains.filter(|_| has_command(&found)) {
+        // No chain with its command can be used; where nothing but the command is in another unit, the stage can.
+        chains?;
+        found.warnings.push(OTHER_COMMAND.to_owned());
+    }
     tell(&found);
-    Ok((found, stage_only))
+    Ok((found, true))
 }
+
+/// When the servomotor stage of recordings is wanted alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StageWanted {
+    /// Where no recording holds a command.
+    IfNoCommand,
+    /// In any case.
+    Always,
+    /// In any case, and of long recordings not the processes but the whole.
+    Uncut,
+}
+
+/// Why a command was not followed.
+const OTHER_COMMAND: &str = "the opening command is in another unit than pu, so that the servomotor stage alone was read; \
+                             import the command by its range (govtwin import) to judge the whole chain";
 
 /// Says what was taken of long recordings.
 fn tell(found: &Recordings) {
@@ -225,7 +241,13 @@ fn tell(found: &Recordings) {
     }
 }
 
-fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, positions: Positions) -> anyhow::Result<Recordings> {
+fn read_as(
+    paths: &[PathBuf],
+    topics: &Topics,
+    unit: &Unit,
+    positions: Positions,
+    uncut: bool,
+) -> anyhow::Result<Recordings> {
     let bags = find(paths)?;
     let options = ReadOptions {
         positions,
@@ -233,7 +255,7 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, positions: Positions
         interpolation: Interpolation::Sharp { period_ns: TICK_NS },
         required: vec![Stream::ServoState],
     };
-    let loaded = excerpts::read(&bags, &options)?;
+    let loaded = excerpts::read(&bags, &options, uncut)?;
     let (mut recordings, mut warnings, mut refused, mut read) = (vec![], vec![], vec![], vec![]);
     let is_own = |taken: &Taken| taken.health.files.iter().any(|file| file.from_the_twin);
     let some_measured = loaded.iter().flatten().any(|taken| !is_own(taken));

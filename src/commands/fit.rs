@@ -25,7 +25,7 @@ use govtwin_model::provenance::Provenance;
 use govtwin_model::recording::Recording;
 use govtwin_model::twin::Cut;
 
-use super::bags::{self, MapArgs, Mapped, Recordings, TopicArgs};
+use super::bags::{self, MapArgs, Mapped, Recordings, StageWanted, TopicArgs};
 use super::generate::effect;
 use super::output::{Output, Progress, print, warn};
 use super::provenance;
@@ -195,7 +195,15 @@ fn read(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<Recording
     let topics = args.topics.topics();
     match args.params {
         Some(_) => bags::read(paths, &topics, unit),
-        None => Ok(bags::read_without_sheet(paths, &topics, unit, false)?.0),
+        None => {
+            let (mut found, only_stages) = bags::read_without_sheet(paths, &topics, unit, StageWanted::IfNoCommand)?;
+            if only_stages {
+                // A command in another unit than pu drives no chain.
+                let frames = found.recordings.iter_mut().flat_map(|recording| &mut recording.frames);
+                frames.for_each(|frame| frame.inputs.opening_command_pu = f64::NAN);
+            }
+            Ok(found)
+        }
     }
 }
 

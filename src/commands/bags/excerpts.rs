@@ -28,14 +28,14 @@ pub struct Taken {
     pub excerpt: Option<String>,
 }
 
-/// Reads all bags, or says for each why it cannot be used.
-pub fn read(bags: &[Bag], options: &ReadOptions) -> anyhow::Result<Vec<Result<Taken, String>>> {
+/// Reads all bags, or says for each why it cannot be used; where `uncut`, long ones whole, as long as there is room.
+pub fn read(bags: &[Bag], options: &ReadOptions, uncut: bool) -> anyhow::Result<Vec<Result<Taken, String>>> {
     let progress = Progress::new(bags.len(), "recordings read");
     let (whole_rows, held_rows) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let first: Vec<Result<LookedThrough, BagError>> = bags
         .par_iter()
         .map(|bag| {
-            let mut reading = looked_through(bag, options)?;
+            let mut reading = looked_through(bag, options, uncut)?;
             let rows = reading.excerpts.held();
             let (all, most) =
                 if reading.excerpts.is_long() { (&held_rows, 2 * MOST_ROWS) } else { (&whole_rows, MOST_WHOLE_ROWS) };
@@ -69,7 +69,7 @@ pub fn read(bags: &[Bag], options: &ReadOptions) -> anyhow::Result<Vec<Result<Ta
         .into_par_iter()
         .map(|((bag, reading), (found, chosen))| {
             let reading = reading.map_err(|error| error.to_string())?;
-            reading.taken(bag, options, &found, &chosen)
+            reading.taken(bag, options, &found, &chosen, uncut)
         })
         .collect())
 }
@@ -82,14 +82,15 @@ struct LookedThrough {
 }
 
 /// Looks through a bag, and again where the unit of its positions shows only then.
-fn looked_through(bag: &Bag, options: &ReadOptions) -> Result<LookedThrough, BagError> {
+fn looked_through(bag: &Bag, options: &ReadOptions, uncut: bool) -> Result<LookedThrough, BagError> {
     let stroke = (options.positions != Positions::AnyUnit).then_some(1.0);
-    let mut taking = Taking(Excerpts::new(stroke));
+    let excerpts = |stroke| if uncut { Excerpts::new(stroke).by_rows() } else { Excerpts::new(stroke) };
+    let mut taking = Taking(excerpts(stroke));
     let mut health = govtwin_bag::read_rows(&bag.path, options, &mut taking)?;
     taking.0.end();
     let stroke = stroke.or(taking.0.stroke());
     if taking.0.is_long() && options.positions == Positions::AnyUnit && stroke.is_some() {
-        taking = Taking(Excerpts::new(stroke));
+        taking = Taking(excerpts(stroke));
         health = govtwin_bag::read_rows(&bag.path, options, &mut taking)?;
         taking.0.end();
     }
@@ -120,6 +121,7 @@ impl LookedThrough {
         options: &ReadOptions,
         found: &[FoundProcess],
         chosen: &BTreeSet<usize>,
+        uncut: bool,
     ) -> Result<Taken, String> {
         let Self { excerpts, health, stroke } = self;
         if !excerpts.is_long() {
@@ -140,7 +142,8 @@ impl LookedThrough {
         if let Some(recordings) = excerpts.into_chosen(&bag.name, chosen) {
             return Ok(Taken { recordings, health, excerpt });
         }
-        let mut taking = Taking(Excerpts::of(stroke, chosen.clone()));
+        let again = Excerpts::of(stroke, chosen.clone());
+        let mut taking = Taking(if uncut { again.by_rows() } else { again });
         let health = govtwin_bag::read_rows(&bag.path, options, &mut taking).map_err(|error| error.to_string())?;
         taking.0.end();
         let changed = || format!("{}: changed while it was read; try again once it is whole", bag.path.display());
@@ -154,7 +157,7 @@ fn no_process(bag: &Bag, duration_s: f64, moved: Option<f64>, positions: Positio
     let unit = if positions == Positions::AnyUnit { "in its own unit" } else { "pu" };
     let moved = moved.map_or("does not move".to_owned(), |moved| format!("moves by {moved:.4} {unit} altogether"));
     format!(
-        "{}: lasts {duration_s:.0} s; of more than {WHOLE_S:.0} s a fit takes the processes alone, and there is none: expected command or \
+        "{}: lasts {duration_s:.0} s; of more than {WHOLE_S:.0} s, with --stage-alone of more than {MOST_ROWS} rows, a fit takes the processes alone, and there is none: expected command or \
          position to move by more than 3 % of the stroke within 4 s, or the emergency valve to trip, found a position that {moved}; name a \
          recording with a start-up, a load change or a trip, or cut out at most {WHOLE_S:.0} s, which are taken whole",
         bag.path.display()

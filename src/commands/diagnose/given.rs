@@ -12,7 +12,7 @@ use govtwin_model::provenance::{Provenance, SheetUsed};
 use govtwin_model::recording::Recording;
 
 use super::files::ASSUMED;
-use crate::commands::bags::{self, Recordings};
+use crate::commands::bags::{self, Recordings, StageWanted};
 use crate::commands::sheet;
 
 /// Which unit recordings are judged by, on the command line.
@@ -74,7 +74,8 @@ pub fn read(args: &UnitArgs, paths: &[PathBuf], topics: &Topics, sheet: &Unit) -
     if args.params.is_some() {
         return Ok(Given { recordings: bags::read(paths, topics, &unit)?, unit, by: By::Sheet });
     }
-    let (recordings, only_stages) = bags::read_without_sheet(paths, topics, &unit, args.stage_alone)?;
+    let stage = if args.stage_alone { StageWanted::Uncut } else { StageWanted::IfNoCommand };
+    let (recordings, only_stages) = bags::read_without_sheet(paths, topics, &unit, stage)?;
     if only_stages {
         return Ok(Given { recordings, unit, by: By::Nothing { note: None } });
     }
@@ -84,7 +85,7 @@ pub fn read(args: &UnitArgs, paths: &[PathBuf], topics: &Topics, sheet: &Unit) -
     match made_of(&recordings.recordings, &unit) {
         Ok((unit, text, note)) => Ok(Given { recordings, unit, by: By::Recordings { text, note } }),
         Err(reason) => {
-            let (recordings, _) = bags::read_without_sheet(paths, topics, &unit, true)?;
+            let (recordings, _) = bags::read_without_sheet(paths, topics, &unit, StageWanted::Always)?;
             let note = format!("The whole chain is not judged without a data sheet: {reason}.");
             Ok(Given { recordings, unit, by: By::Nothing { note: Some(note) } })
         }

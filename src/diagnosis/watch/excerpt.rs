@@ -1,7 +1,7 @@
 //! What a fit takes of a long recording: the processes in it, cut out as its rows pass by, so that memory follows what happened and not how
 //! long was recorded.
 //!
-//! A recording of up to [`WHOLE_S`] is one process, or a few, and is taken whole. Of a longer one each process becomes a recording of its own; rest and a
+//! A recording of up to [`WHOLE_S`] is one process, or a few, and is taken whole; one of a servomotor stage alone, which has no processes, up to [`MOST_ROWS`]. Of a longer one each process becomes a recording of its own; rest and a
 //! grid's unrest are dropped. Where the processes have more rows than a fit should hold, [`choose`] keeps some of each kind.
 
 use std::collections::BTreeSet;
@@ -82,6 +82,8 @@ enum Keep {
 #[derive(Clone, Debug)]
 pub struct Excerpts {
     stroke: Option<f64>,
+    /// Whether length alone makes nothing long, but rows do.
+    by_rows: bool,
     keep: Keep,
     cutter: Cutter,
     goes_on: bool,
@@ -103,6 +105,7 @@ impl Excerpts {
     pub fn new(stroke: Option<f64>) -> Self {
         Self {
             stroke,
+            by_rows: false,
             keep: Keep::All,
             cutter: Cutter::of_stroke(stroke.unwrap_or(1.0)),
             goes_on: false,
@@ -116,6 +119,12 @@ impl Excerpts {
         }
     }
 
+    /// The same, whole up to [`MOST_ROWS`] however long it lasted.
+    #[must_use]
+    pub fn by_rows(self) -> Self {
+        Self { by_rows: true, ..self }
+    }
+
     /// Takes these processes alone, by their place among those that were found before.
     #[must_use]
     pub fn of(stroke: Option<f64>, chosen: BTreeSet<usize>) -> Self {
@@ -124,7 +133,7 @@ impl Excerpts {
 
     /// Begins again.
     pub fn restart(&mut self) {
-        *self = Self { keep: self.keep.clone(), ..Self::new(self.stroke) };
+        *self = Self { keep: self.keep.clone(), by_rows: self.by_rows, ..Self::new(self.stroke) };
     }
 
     /// Takes a row.
@@ -136,7 +145,11 @@ impl Excerpts {
             self.cut(frame);
         } else {
             self.whole.push(*frame);
-            self.is_long = seconds_from_nanos(frame.time_ns - from_ns) > WHOLE_S;
+            self.is_long = if self.by_rows {
+                self.whole.len() > MOST_ROWS
+            } else {
+                seconds_from_nanos(frame.time_ns - from_ns) > WHOLE_S
+            };
             if self.is_long {
                 for frame in std::mem::take(&mut self.whole) {
                     self.cut(&frame);
@@ -365,6 +378,14 @@ mod tests {
         let (of_all, of_chosen) = (long.into_chosen("a", &chosen).unwrap(), again.into_chosen("a", &chosen).unwrap());
         assert!(text(&of_all) == text(&of_chosen));
         assert_eq!(of_all.iter().map(|one| one.name.as_str()).collect::<Vec<_>>(), ["a#1", "a#3"]);
+    }
+
+    #[test]
+    fn a_stage_alone_is_whole_however_long_it_lasted() {
+        let frames = steps(4, 1.0);
+        let whole = taken(Excerpts::new(None).by_rows(), &frames);
+        assert!(!whole.is_long() && whole.found().is_empty());
+        assert!(text(&whole.into_whole("a").frames) == text(&frames));
     }
 
     #[test]
