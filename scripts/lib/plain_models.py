@@ -1,6 +1,6 @@
 """Plain models of a servomotor stage, fitted to one half of a recording and run freely over the other: ARX and boosted trees.
 
-Free runs are those of `govtwin diagnose`: 10 s each from the measured position on, one behind another, in either half. A model knows the spool,
+Free runs are those of `govtwin diagnose`: each from the measured position on, one behind another, in either half. A model knows the spool,
 and of the position what it predicted itself, but for the first samples. Orders, sampling and trees are chosen by free runs within the fitted half.
 """
 

@@ -39,6 +39,7 @@ use crate::hypotheses::table::EvidenceTable;
 use crate::hypotheses::{Exploration, Explored, Singles};
 use crate::likelihood::loop_noise::likelier;
 use crate::result::{Diagnosis, JudgedBy, Verdict};
+use crate::stage_only::free_runs::Compared;
 use crate::summary::{BeforeVerdict, Judged};
 use govtwin_model::effects::{CATALOGUE, EffectSpec, id_words};
 use govtwin_model::parameters::Unit;
@@ -159,9 +160,10 @@ pub fn diagnose(
     let posterior = Posterior::new(&table, &numbers, &[]);
     let mut decision = Decision::new(&table, &posterior, &settings.catalogue);
     let mut notes = ready.notes.clone();
+    let mut compared = Compared::default();
     if stage_only {
-        let (modest, dropped) = stage_only::modest(&problem, &explored, &ready, decision);
-        decision = modest;
+        let dropped;
+        (decision, dropped, compared) = stage_only::modest(&problem, &explored, &ready, decision);
         notes.extend(dropped);
     } else if let Some(strange) = homogeneity::disagreement(&problem, &explored) {
         decision = decision.forced(Verdict::Unknown);
@@ -188,7 +190,7 @@ pub fn diagnose(
     // The stage alone is fitted to pieces of recordings, by parameters of its own.
     let true_values = settings.true_values.as_ref().filter(|_| !stage_only);
     diagnosis.regret = true_values.and_then(|unit| regret::regret(&problem, &explored, &settings.catalogue, unit));
-    diagnosis.part = stage_only::describe(&ready, &explored, &decision);
+    diagnosis.part = stage_only::describe(&ready, &explored, &decision, compared);
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.sheet) {
         diagnosis.sheet_limits = None;
         // What the most flexible law leaves is the error of equations, no transducer's noise.

@@ -12,7 +12,7 @@ use crate::likelihood::qualification::{QualifiedRecordings, qualify_all};
 use crate::model::FittedModel;
 use crate::model::search::Turned;
 use crate::model::support::Variant;
-use crate::stage_alone::command::command_for_spool;
+use crate::stage_alone::command::{Deviation, command_for_spool};
 use crate::stage_alone::competing_laws::{Follows, follows};
 use crate::stage_alone::flexible::{Flexible, flexible};
 use crate::stage_alone::pieces::pieces;
@@ -67,6 +67,10 @@ pub struct Alone {
     pub follows: Follows,
     /// Share of the squared movement that is left on runs left out, where it sums the spool up, settles to it, or does neither.
     pub left: [f64; 3],
+    /// Whether the command stands in for a spool that was not recorded.
+    pub by_command: bool,
+    /// The deviation that stands in for it, where the command is a set point.
+    pub deviation: Option<Deviation>,
 }
 
 /// Makes recordings ready.
@@ -88,15 +92,18 @@ pub fn prepare(
     let qualified: Vec<Recording> = qualified.into_iter().map(|(recording, _)| recording).collect();
     let (qualified, copies) = without_copies(qualified);
     let mut notes: Vec<String> = notes.into_iter().map(|note| format!("{note}.")).collect();
-    let is_deviation = stands_in.as_ref().is_some_and(|one| one.is_deviation);
+    let (by_command, deviation) = (stands_in.is_some(), stands_in.as_ref().and_then(|one| one.deviation));
     notes.extend(stands_in.map(|one| one.note));
     notes.extend(copies);
     notes.extend(refused.into_iter().map(|reason| format!("Left out: {reason}.")));
     if stage_only {
         let mut prepared = servomotor_stage(qualified, sheet, settings, notes)?;
-        if let Some(alone) = prepared.alone.as_mut().filter(|_| is_deviation) {
-            // What drives it holds the position: that it settles is known.
-            alone.follows = Follows::Sum;
+        if let Some(alone) = &mut prepared.alone {
+            (alone.by_command, alone.deviation) = (by_command, deviation);
+            if deviation.is_some() {
+                // What drives it holds the position: that it settles is known.
+                alone.follows = Follows::Sum;
+            }
         }
         return Ok(prepared);
     }
@@ -201,7 +208,7 @@ fn servomotor_stage(
         catalogue,
         notes,
         sheet: !settings.is_free(),
-        alone: Some(Alone { seen, law, follows, left }),
+        alone: Some(Alone { seen, law, follows, left, by_command: false, deviation: None }),
     })
 }
 

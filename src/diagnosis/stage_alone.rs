@@ -5,5 +5,8 @@ pub(crate) mod competing_laws;
 pub(crate) mod flexible;
 pub(crate) mod pieces;
 pub mod plain;
+pub(crate) mod plain_models;
 pub mod run;
+pub(crate) mod set_point;
 pub mod sheetless;
+pub(crate) mod time_scale;

@@ -1,32 +1,24 @@
 //! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
 
+pub(crate) mod free_runs;
 pub(crate) mod left_out;
 pub mod stage_figures;
 
 use crate::decision::Decision;
-use crate::estimation::coordinate::subject_at;
-use crate::estimation::fit::{Effort, fit};
 use crate::hypotheses::Explored;
-use crate::likelihood::noise::Noise;
-use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
 use crate::preparation::{Alone, Preparation};
-use crate::result::{FreeRun, StageOnly, Verdict};
+use crate::result::{StageOnly, Verdict};
 use crate::stage_alone::competing_laws::Follows;
-use crate::stage_alone::pieces::{length_s_of, pieces, windows};
-use crate::stage_alone::plain::plain;
-use crate::stage_alone::run::Run;
+use crate::stage_only::free_runs::Compared;
 use crate::stage_only::stage_figures::stage_figures;
 use crate::summary::explained_fraction::without_recordings;
+use govtwin_model::effects::id_words;
 use govtwin_model::frame::Estimate;
-use govtwin_model::parameters::Unit;
-use govtwin_model::recording::Recording;
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
-/// Length of a free run, s; of short recordings a quarter of them all, so that each half has two.
-const FREE_RUN_S: f64 = 10.0;
 /// Effects on top of the first must all be this probable to be named: with a sheet, and where everything is fitted freely.
 const SURE: (f64, f64) = (0.6, 0.95);
 /// Without a sheet an effect that explains this share of what the best one does cannot be told from it.
@@ -35,10 +27,7 @@ const CLOSE: f64 = 0.9;
 const CALM_ENOUGH: f64 = 3.0;
 /// Gain in cost that may be chance.
 const LEAST_GAIN: f64 = 8.0;
-/// What the free runs of the plain law are called.
-const PLAIN: &str = "plain law";
-
-/// The decision as far as a stage on its own bears it; what was taken back is said.
+/// The decision as far as a stage on its own bears it, what was taken back in words, and the models in free runs.
 ///
 /// Without a sheet everything is fitted freely, and a piece of a recording starts in a state that nobody measured: a second effect, or the
 /// better of two alike, is then easily had. That there is no gap is said only where the transducers account for what is missed on pieces left out.
@@ -48,18 +37,58 @@ pub(crate) fn modest(
     found: &Explored,
     ready: &Preparation,
     decision: Decision,
-) -> (Decision, Vec<String>) {
-    let Some(alone) = &ready.alone else { return (decision, Vec::new()) };
+) -> (Decision, Vec<String>, Compared) {
+    let Some(alone) = &ready.alone else { return (decision, Vec::new(), Compared::default()) };
     if let Some(foreign) = foreign(alone) {
-        return (decision.forced(Verdict::NoSuchUnit), vec![foreign]);
+        let compared = Compared::of(ready, &[found.refitted()]);
+        return (decision.forced(Verdict::NoSuchUnit), vec![foreign], compared);
     }
     let (decision, mut said) = careful(problem, found, ready, decision);
+    let compared = Compared::of(ready, &twins(found, &decision));
+    let (decision, withdrawn) = only_predicting(&compared, decision);
+    said.extend(withdrawn);
     if decision.verdict == Verdict::NoGap
         && let Some(missed) = beyond_transducers(problem, found.refitted(), floor_square(problem, ready, alone))
     {
         said.push(missed);
+        return (decision.forced(Verdict::Unknown), said, compared);
+    }
+    (decision, said, compared)
+}
+
+/// The recalibrated twin, those with a blamed effect, and the one with all of them at once.
+fn twins<'a>(found: &'a Explored, decision: &Decision) -> Vec<&'a FittedModel> {
+    let together =
+        (decision.verdict == Verdict::Named && decision.blamed.len() > 1).then(|| found.with(&decision.blamed));
+    let blamed = decision.blamed.iter().filter_map(|id| found.with(&[id]));
+    std::iter::once(found.refitted()).chain(blamed).chain(together.flatten()).collect()
+}
+
+/// The decision without names that free runs on held-out pieces do not bear out; what was taken back is said.
+fn only_predicting(compared: &Compared, mut decision: Decision) -> (Decision, Vec<String>) {
+    let blamed = decision.blamed.clone();
+    let sets: Vec<Vec<&'static str>> = match decision.verdict {
+        Verdict::Named => vec![blamed],
+        Verdict::Class => blamed.into_iter().map(|id| vec![id]).collect(),
+        _ => return (decision, Vec::new()),
+    };
+    let (mut kept, mut said) = (Vec::new(), Vec::new());
+    for set in sets {
+        match compared.against(&set.join(" + ")) {
+            None => kept.extend(set),
+            Some(why) => {
+                let names: Vec<String> = set.iter().map(|id| id_words(id)).collect();
+                said.push(format!("Not named: {}, as {why}.", names.join(" and ")));
+            }
+        }
+    }
+    if kept.is_empty() {
         return (decision.forced(Verdict::Unknown), said);
     }
+    if kept.len() == 1 {
+        decision.verdict = Verdict::Named;
+    }
+    decision.blamed = kept;
     (decision, said)
 }
 
@@ -231,71 +260,15 @@ fn near(found: &Explored) -> Vec<&'static str> {
     gains.into_iter().filter(|(_, gain)| *gain >= CLOSE * best).take(3).map(|(id, _)| id).collect()
 }
 
-/// Errors of free runs: each half fitted, the other predicted; by the models, then by the plain law.
-fn free_runs(ready: &Preparation, models: &[&FittedModel], length_s: f64) -> Vec<FreeRun> {
-    let of = |half: &[Recording]| -> Vec<PreparedRecording> {
-        let runs =
-            half.iter().flat_map(|recording| windows(recording, length_s)).map(PreparedRecording::servomotor_stage);
-        runs.filter(|recording| recording.samples.len() > 2).collect()
-    };
-    let halves = match ready.whole.as_slice() {
-        one @ [_] => match pieces(one, 2).as_slice() {
-            [first, second] => [of(std::slice::from_ref(first)), of(std::slice::from_ref(second))],
-            _ => return Vec::new(),
-        },
-        several => {
-            let (first, second) = several.split_at(several.len() / 2);
-            [of(first), of(second)]
-        }
-    };
-    if halves.iter().any(Vec::is_empty) {
-        return Vec::new();
-    }
-    let both = [(0, "first half"), (1, "second half")];
-    let of_model = |model: &&FittedModel| {
-        both.map(|(half, fitted_on)| {
-            let problem = Problem::new(halves[half].clone(), &model.unit(), &ready.noise);
-            let found = fit(&problem, &model.base, &model.free_parameters, &model.fit.positions, Effort::FULL, None);
-            let unit = subject_at(&model.base, &model.free_parameters, &found.positions);
-            let [seen, held_out] = [half, 1 - half].map(|half| error(&halves[half], &unit, &ready.noise));
-            FreeRun { model: model.ids().join(" + "), fitted_on, seen, held_out }
-        })
-    };
-    let runs = halves.each_ref().map(|half| Run::all(half));
-    let by_plain = both.into_iter().filter_map(|(half, fitted_on)| {
-        let law = plain(&runs[half])?;
-        let [seen, held_out] = [half, 1 - half].map(|half| law.rmse(&runs[half]));
-        Some(FreeRun { model: PLAIN.to_owned(), fitted_on, seen, held_out })
-    });
-    models.iter().flat_map(of_model).chain(by_plain).collect()
-}
-
-/// RMS error of the servomotor position, pu.
-fn error(recordings: &[PreparedRecording], unit: &Unit, noise: &Noise) -> f64 {
-    let problem = Problem::new(recordings.to_vec(), unit, noise);
-    let (mut sum, mut count) = (0.0, 0_usize);
-    for (index, recording) in problem.recordings.iter().enumerate() {
-        for (&row, estimate) in recording.samples.iter().zip(problem.simulate(unit, index)) {
-            let residual =
-                recording.frames[row].measured.servomotor_position_pu - estimate.signals.servomotor_position_pu;
-            if residual.is_finite() {
-                sum += residual * residual;
-                count += 1;
-            }
-        }
-    }
-    (sum / count.max(1) as f64).sqrt()
-}
-
 /// What a report says of the part; none of a whole chain.
 #[must_use]
-pub fn describe(ready: &Preparation, found: &Explored, decision: &Decision) -> Option<StageOnly> {
+pub(crate) fn describe(
+    ready: &Preparation,
+    found: &Explored,
+    decision: &Decision,
+    compared: Compared,
+) -> Option<StageOnly> {
     let alone = ready.alone.as_ref()?;
-    let blamed = decision.blamed.iter().filter_map(|id| found.with(&[id]));
-    let mut models: Vec<&FittedModel> = std::iter::once(found.refitted()).chain(blamed).collect();
-    let together =
-        (decision.verdict == Verdict::Named && decision.blamed.len() > 1).then(|| found.with(&decision.blamed));
-    models.extend(together.flatten());
     let claimed = match (decision.verdict, decision.blamed.as_slice()) {
         (Verdict::Named, all) => found.with(all),
         (Verdict::Class, [first, ..]) => found.with(&[first]),
@@ -306,16 +279,22 @@ pub fn describe(ready: &Preparation, found: &Explored, decision: &Decision) -> O
             (Some(first), Some(last)) => last.time_ns - first.time_ns,
             _ => 0,
         });
-    let whole_s: f64 = ready.whole.iter().map(length_s_of).sum();
-    let free_run_s = FREE_RUN_S.min(0.25 * whole_s);
+    let foreign = foreign(alone);
+    let plain_wins = compared.winner().map(|plain| plain.model.clone());
+    // Figures of a law that was just refused would be believed.
+    let refused = foreign.is_some() || compared.settles();
+    let model = claimed.unwrap_or_else(|| found.refitted());
     Some(StageOnly {
         sheet: ready.sheet,
         pieces: ready.recordings.len(),
         piece_s: seconds_from_nanos(length_ns),
-        figures: stage_figures(claimed.unwrap_or_else(|| found.refitted()), &alone.law, &ready.recordings),
+        figures: if refused { Vec::new() } else { stage_figures(model, &alone.law, &ready.recordings) },
         transducers_pu: alone.seen.transducers,
-        foreign: foreign(alone),
-        free_run_s,
-        free_runs: free_runs(ready, &models, free_run_s),
+        foreign,
+        free_run_s: compared.free_run_s,
+        free_runs: compared.free_runs,
+        models: compared.models,
+        plain_wins,
+        driven_by: compared.drive.to_owned(),
     })
 }

@@ -171,13 +171,14 @@ fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Res
         "RMS error over all recordings; positions in % of stroke."
     };
     body.table(tables::gap(diagnosis, explained), caption);
-    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.free_runs.is_empty()) {
+    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.models.is_empty()) {
         let caption = format!(
-            "Free runs of {} s from measured starts: each model is fitted to one half of the recordings and predicts the other. RMS error of the \
-             servomotor position in % of stroke. Plain law: a zero, a dead band, a gain in each direction and a lag, without physics.",
+            "Free runs of {} s from measured starts over held-out pieces: each half of the recordings is predicted by models fitted to the other. RMS error of \
+             the servomotor position in % of stroke. Plain models know nothing of a servomotor; the twin is worth what it predicts better. Their parameters, \
+             fitted to all recordings, are in the units of the recordings. Plain law: two gains, dead zone and lag.",
             significant(part.free_run_s, 3)
         );
-        body.table(tables::free_runs(part), caption);
+        body.table(tables::models(part), caption);
     }
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.figures.is_empty()) {
         body.table(

@@ -78,6 +78,8 @@ mod sheet;
 mod solver;
 #[path = "../stage_alone.rs"]
 mod stage_alone;
+#[path = "../stage_models.rs"]
+mod stage_models;
 #[path = "../stage_properties.rs"]
 mod stage_properties;
 #[path = "../watch.rs"]

@@ -22,6 +22,39 @@ pub struct FreeRun {
     pub held_out: f64,
 }
 
+/// A parameter of a plain model, in the units of the recordings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModelParameter {
+    /// What it is.
+    #[serde(deserialize_with = "lasting")]
+    pub name: LastingText,
+    /// Its value, in the unit.
+    #[serde(deserialize_with = "figure")]
+    pub value: f64,
+    /// Its unit, in words.
+    pub unit: String,
+}
+
+/// A model in free runs over pieces that it was not fitted to: each half of the recordings is fitted in turn and the other predicted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ComparedModel {
+    /// The model: a plain one by its name, a twin by the ids of its effects, empty for the recalibrated one.
+    pub model: String,
+    /// Whether it is a plain model, which knows nothing of a servomotor.
+    pub is_plain: bool,
+    /// Parameters of a plain model, fitted to all recordings; those of a twin stand in `effects`, `fitted_stage` and `evidence.parameters`.
+    pub parameters: Vec<ModelParameter>,
+    /// RMS error of the servomotor over all pieces, each held out, pu.
+    #[serde(rename = "held_out_rmse_pu", deserialize_with = "figure")]
+    pub held_out: f64,
+    /// The same over the pieces of either half, pu.
+    #[serde(rename = "half_rmse_pu")]
+    pub halves: [f64; 2],
+    /// The same in each piece, pu.
+    #[serde(rename = "piece_rmse_pu")]
+    pub pieces: Vec<f64>,
+}
+
 /// One figure of a fitted stage, in the numbers of its recordings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageFigure {
@@ -64,4 +97,13 @@ pub struct StageOnly {
     pub free_run_s: f64,
     /// Free runs on the other half.
     pub free_runs: Vec<FreeRun>,
+    /// The models beside each other on the same held-out pieces; empty of an older program.
+    #[serde(default)]
+    pub models: Vec<ComparedModel>,
+    /// The plain model that predicts better than any twin; none where none does.
+    #[serde(default)]
+    pub plain_wins: Option<String>,
+    /// What drives the plain models: spool or command.
+    #[serde(default)]
+    pub driven_by: String,
 }

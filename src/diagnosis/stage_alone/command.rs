@@ -4,19 +4,38 @@ use crate::likelihood::prepared::PreparedRecording;
 use crate::stage_alone::competing_laws::{Follows, follows};
 use crate::stage_alone::pieces::pieces;
 use crate::stage_alone::plain::plain;
-use crate::stage_alone::run::{Lag, Run, SpoolLaw, solved};
+use crate::stage_alone::run::Run;
+use crate::stage_alone::set_point::SetPoint;
+use govtwin_model::number::significant;
 use govtwin_model::recording::Recording;
 
 /// Pieces that the recordings are cut into, at most.
 const PIECES: usize = 6;
 
 /// What stands in for the spool.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct StandIn {
     /// A sentence on it.
     pub note: String,
-    /// Whether it is the deviation of the position from its set point, which holds the position itself.
-    pub is_deviation: bool,
+    /// The deviation of the position from its set point, which holds the position itself; none where the command itself stands in.
+    pub deviation: Option<Deviation>,
+}
+
+/// The deviation of a position from its set point, in the numbers of the recordings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deviation {
+    /// Position for each unit of the command.
+    gain: f64,
+    /// Position at the command 0.
+    level: f64,
+}
+
+impl Deviation {
+    /// The deviation at a command and a position.
+    #[must_use]
+    pub fn of(self, command: f64, position: f64) -> f64 {
+        self.gain * command + self.level - position
+    }
 }
 
 /// Puts the command, or its deviation from the position, in the place of a spool that no recording holds; says which.
@@ -38,21 +57,25 @@ pub fn command_for_spool(recordings: &mut [Recording]) -> Option<StandIn> {
         pieces(&sampled(recordings), PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect();
     let runs = Run::all(&prepared);
     let (what, _) = follows(&runs, &plain(&runs)?)?;
-    let Follows::Spool { settles_s } = what else {
+    let Follows::Spool { .. } = what else {
         let note =
             "No spool position was recorded: the command stands in for it, as the command of the valve.".to_owned();
-        return Some(StandIn { note, is_deviation: false });
+        return Some(StandIn { note, deviation: None });
     };
-    let (slope, level) = settled(&runs, settles_s)?;
+    // Fitted with its lag: while the position is still on its way, the line over the command is not where it goes.
+    let SetPoint { gain, level, .. } = SetPoint::fitted(&runs, true)?;
+    let deviation = Deviation { gain, level };
     for frame in recordings.iter_mut().flat_map(|recording| &mut recording.frames) {
         let measured = &mut frame.measured;
-        measured.spool_position_pu = level + slope * measured.spool_position_pu - measured.servomotor_position_pu;
+        measured.spool_position_pu = deviation.of(measured.spool_position_pu, measured.servomotor_position_pu);
     }
+    let [slope, from_zero] = [gain, level.abs()].map(|number| significant(number, 4));
+    let sign = if level < 0.0 { "−" } else { "+" };
     let note = format!(
-        "No spool position was recorded, and the position settles to the command: the deviation {slope:.4} × command {level:+.4} − position stands in \
-         for it, as a proportional regulator would move it."
+        "No spool position was recorded, and the position settles to the command: the deviation of the position from {slope} × command {sign} {from_zero} \
+         stands in for it, as a proportional regulator would move it."
     );
-    Some(StandIn { note, is_deviation: true })
+    Some(StandIn { note, deviation: Some(deviation) })
 }
 
 /// Recordings without the rows at which the servomotor was not measured.
@@ -62,11 +85,4 @@ fn sampled(recordings: &[Recording]) -> Vec<Recording> {
         Recording { name: recording.name.clone(), process: recording.process, frames: frames.copied().collect() }
     };
     recordings.iter().map(of).collect()
-}
-
-/// The straight line over the command to which the position settles, by least squares: slope and level.
-fn settled(runs: &[Run], settles_s: f64) -> Option<(f64, f64)> {
-    let line = SpoolLaw { lag: Lag::Dead(0.0), settles_s: Some(settles_s), shapes: &|command, _| vec![command, 1.0] };
-    let best = solved(line.normals(runs).iter())?;
-    (best[0].is_finite() && best[0] != 0.0).then(|| (best[0], best[1]))
 }

@@ -37,7 +37,8 @@ type SearchPlace = [f64; 3];
 
 impl Plain {
     /// Position at each sample of a run from its first.
-    fn simulated(&self, run: &Run) -> Vec<f64> {
+    #[must_use]
+    pub(crate) fn simulated(&self, run: &Run) -> Vec<f64> {
         let spool = run.lagged(self.lag);
         let mut at = run.opening[0];
         let mut all = vec![at];
@@ -53,25 +54,30 @@ impl Plain {
     fn beyond(&self, spool: f64) -> [f64; 2] {
         beyond([self.lag.time_s(), self.zero, self.half_band], spool)
     }
-
-    /// RMS error in free runs, in the opening's unit.
-    #[must_use]
-    pub fn rmse(&self, runs: &[Run]) -> f64 {
-        let squares = |run: &Run| -> f64 {
-            self.simulated(run).iter().zip(&run.opening).map(|(said, measured)| (said - measured).powi(2)).sum()
-        };
-        let count: usize = runs.iter().map(|run| run.opening.len()).sum();
-        (runs.iter().map(squares).sum::<f64>() / count.max(1) as f64).sqrt()
-    }
 }
 
 fn beyond([_, zero, half]: SearchPlace, spool: f64) -> [f64; 2] {
     [(spool - zero - half).max(0.0), (spool - zero + half).min(0.0)]
 }
 
+/// Which parts of the law are fitted; the others are none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Parts {
+    /// The dead band.
+    pub band: bool,
+    /// The lag.
+    pub lag: bool,
+}
+
 /// Fits the law; none where the spool stands still.
 #[must_use]
 pub fn plain(runs: &[Run]) -> Option<Plain> {
+    plain_of(runs, Parts { band: true, lag: true })
+}
+
+/// Fits the law with some of its parts.
+#[must_use]
+pub(crate) fn plain_of(runs: &[Run], parts: Parts) -> Option<Plain> {
     let mut spools: Vec<f64> = runs.iter().flat_map(|run| run.spool.iter().copied()).collect();
     spools.sort_by(f64::total_cmp);
     let at = |share: f64| {
@@ -88,10 +94,10 @@ pub fn plain(runs: &[Run]) -> Option<Plain> {
     let length_s = typical_s(runs);
     let coarse: Vec<Run> = runs.iter().map(|run| run.thinned(LOOKED_AT.0)).collect();
     let mut best: Option<(f64, Lag, SearchPlace)> = None;
-    for lag in Lag::tried(length_s) {
+    for lag in Lag::tried(length_s).take(if parts.lag { usize::MAX } else { 1 }) {
         let lagged = Lagged::of(&coarse, lag);
         for zero in (0..=ZEROS).filter_map(|k| at(k as f64 / ZEROS as f64)) {
-            for half in HALVES {
+            for &half in &HALVES[..if parts.band { HALVES.len() } else { 1 }] {
                 let place = [lag.time_s(), zero, half * travel];
                 let missed = lagged.gains(place).2;
                 if best.is_none_or(|(least, ..)| missed < least) {
@@ -105,10 +111,11 @@ pub fn plain(runs: &[Run]) -> Option<Plain> {
     let missed = |place: SearchPlace| Lagged::of(&fine, lag.with_time(place[0])).gains(place).2;
     let mut least = missed(place);
     let mut steps = [STEPS[0] * length_s, STEPS[1] * travel, STEPS[2] * travel];
+    let is_free = [parts.lag, true, parts.band];
     for _ in 0..WALKS.0 {
         for _ in 0..WALKS.1 {
             let before = least;
-            for k in 0..place.len() {
+            for k in (0..place.len()).filter(|&k| is_free[k]) {
                 for step in [steps[k], -steps[k]] {
                     let mut other = place;
                     // Neither lag nor width is below nothing.

@@ -6,6 +6,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::likelihood::prepared::PreparedRecording;
+use govtwin_model::frame::Frame;
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
@@ -64,12 +65,17 @@ impl Run {
     /// The samples of a recording that hold both positions; none where there are fewer than three.
     #[must_use]
     pub fn of(recording: &PreparedRecording) -> Option<Self> {
+        let positions = [Signal::SpoolPosition, Signal::ServomotorPosition];
+        Self::read(recording, |frame| positions.map(|signal| signal.of(&frame.measured)))
+    }
+
+    /// The same of what else is read off a sample for spool and servomotor.
+    pub(crate) fn read(recording: &PreparedRecording, both: impl Fn(&Frame) -> [f64; 2]) -> Option<Self> {
         let mut run = Self { time_s: Vec::new(), spool: Vec::new(), opening: Vec::new() };
         let mut begins_ns = None;
         for &row in &recording.samples {
             let frame = &recording.frames[row];
-            let [spool, opening] =
-                [Signal::SpoolPosition, Signal::ServomotorPosition].map(|signal| signal.of(&frame.measured));
+            let [spool, opening] = both(frame);
             if spool.is_finite() && opening.is_finite() {
                 run.time_s.push(seconds_from_nanos(frame.time_ns - *begins_ns.get_or_insert(frame.time_ns)));
                 run.spool.push(spool);
@@ -124,9 +130,7 @@ impl Run {
         let mut at = self.spool[0];
         let mut all = vec![at];
         for k in 1..self.time_s.len() {
-            let step_s = self.time_s[k] - self.time_s[k - 1];
-            let behind = constant_s * (self.spool[k] - self.spool[k - 1]) / step_s;
-            at = self.spool[k] - behind + (-step_s / constant_s).exp() * (at - self.spool[k - 1] + behind);
+            at = settled(at, [self.spool[k - 1], self.spool[k]], self.time_s[k] - self.time_s[k - 1], constant_s);
             all.push(at);
         }
         all
@@ -160,6 +164,16 @@ impl Run {
         let of = |all: &[f64]| all.iter().step_by(every).copied().collect();
         Self { time_s: of(&self.time_s), spool: of(&self.spool), opening: of(&self.opening) }
     }
+}
+
+/// Where a first-order lag stands after a step of time over which its goal runs straight from one value to another.
+#[must_use]
+pub(crate) fn settled(at: f64, [from, to]: [f64; 2], step_s: f64, constant_s: f64) -> f64 {
+    if constant_s <= 0.0 || step_s <= 0.0 {
+        return to;
+    }
+    let behind = constant_s * (to - from) / step_s;
+    to - behind + (-step_s / constant_s).exp() * (at - from + behind)
 }
 
 /// Typical length of runs, s.

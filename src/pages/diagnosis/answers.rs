@@ -1,6 +1,6 @@
 //! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how large the error is and how much of it is explained, what to do next.
 
-use crate::diagnosis::stage::fitted_stage;
+use crate::diagnosis::stage::{fitted_stage, plain_wins};
 use crate::diagnosis::{claims, next_test, traces};
 use govtwin_diagnosis::result::{Diagnosis, Fitted, JudgedBy, Verdict};
 use govtwin_diagnosis::words::{
@@ -48,8 +48,13 @@ pub fn is_alone(diagnosis: &Diagnosis) -> bool {
     diagnosis.part.is_none() && diagnosis.traces.len() == 1
 }
 
+/// The first paragraphs: what to take away, and before it the plain model that predicts better, where one does.
+pub fn leads(diagnosis: &Diagnosis) -> Vec<String> {
+    plain_wins(diagnosis).into_iter().chain([lead(diagnosis)]).collect()
+}
+
 /// The one sentence or two to take away.
-pub fn lead(diagnosis: &Diagnosis) -> String {
+fn lead(diagnosis: &Diagnosis) -> String {
     match (diagnosis.verdict, diagnosis.blamed.as_slice()) {
         (Verdict::Named, [one]) => {
             let values = values(&one.parameters);
@@ -172,7 +177,7 @@ fn worst(diagnosis: &Diagnosis) -> Option<(&str, [f64; 2])> {
 }
 
 fn causes(diagnosis: &Diagnosis) -> Vec<String> {
-    let mut all = vec![lead(diagnosis)];
+    let mut all = leads(diagnosis);
     let several = diagnosis.blamed.len() > 1;
     for blame in &diagnosis.blamed {
         all.push(if several { of_several(diagnosis, blame) } else { symptom(&blame.id) });

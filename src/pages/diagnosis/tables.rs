@@ -1,5 +1,6 @@
 //! The tables of a diagnosis.
 
+use crate::diagnosis::stage::{model_title, parameter_text};
 use crate::table::Table;
 use govtwin_diagnosis::result::{Diagnosis, Fitted, StageOnly};
 use govtwin_diagnosis::words::{
@@ -41,18 +42,16 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
     table
 }
 
-/// Free runs of a servomotor stage on its own.
-pub fn free_runs(part: &StageOnly) -> Table {
-    let mut table =
-        Table::new().words("model").words("fitted to").numbers("RMS error there, %").numbers("in the other half, %");
-    for run in &part.free_runs {
-        let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };
-        table.row([
-            model,
-            run.fitted_on.to_owned(),
-            significant(100.0 * run.seen, 3),
-            significant(100.0 * run.held_out, 3),
-        ]);
+/// The models of a servomotor stage in free runs over held-out pieces.
+pub fn models(part: &StageOnly) -> Table {
+    let mut table = Table::new().words("model").numbers("RMS error, %").numbers("first half, %");
+    table = table.numbers("second half, %").numbers("best piece, %").numbers("worst piece, %").words("parameters");
+    for model in &part.models {
+        let pieces = || model.pieces.iter().copied();
+        let ends = [pieces().fold(f64::INFINITY, f64::min), pieces().fold(0.0, f64::max)];
+        let errors = [model.held_out, model.halves[0], model.halves[1]].into_iter().chain(ends);
+        let row = std::iter::once(model_title(model)).chain(errors.map(|error| significant(100.0 * error, 3)));
+        table.row(row.chain([parameter_text(model)]));
     }
     table
 }

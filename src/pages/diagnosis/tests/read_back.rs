@@ -5,7 +5,8 @@ use govtwin_diagnosis::model::consistency::Consistency;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::test_script::{CommandShape, TestScript};
 use govtwin_diagnosis::result::{
-    FreeRun, HiddenEffect, NEXT_TEST, SheetLimits, SheetValue, StageFigure, StageOnly, Transfer, Verdict,
+    ComparedModel, FreeRun, HiddenEffect, ModelParameter, NEXT_TEST, SheetLimits, SheetValue, StageFigure, StageOnly,
+    Transfer, Verdict,
 };
 use govtwin_model::signal::Signal;
 
@@ -33,6 +34,16 @@ fn a_report_reads_back_as_it_was_written_and_makes_the_same_page() {
             foreign: None,
             free_run_s: 10.0,
             free_runs: vec![FreeRun { model: "plain".into(), fitted_on: "first", seen: 1e-3, held_out: f64::NAN }],
+            models: vec![ComparedModel {
+                model: "set point with lag".into(),
+                is_plain: true,
+                parameters: vec![ModelParameter { name: "lag", value: 0.35, unit: "s".into() }],
+                held_out: 1e-3,
+                halves: [1e-3, 2e-3],
+                pieces: vec![1e-3, 2e-3],
+            }],
+            plain_wins: Some("set point with lag".into()),
+            driven_by: "command".into(),
         });
         let mut report = DiagnosisReport::of(&diagnosis, 1.5);
         report.provenance = Some(synthetic());

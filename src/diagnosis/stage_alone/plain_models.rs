@@ -1,0 +1,138 @@
+//! Plain models of a stage, which know nothing of a servomotor: what a twin must predict better than.
+
+use crate::stage_alone::plain::{Parts, Plain, plain_of};
+use crate::stage_alone::run::{Lag, Run, SpoolLaw, solved};
+use crate::stage_alone::set_point::SetPoint;
+
+/// What a plain model is called in reports, by its parts.
+const TITLES: [(&str, PlainKind); 6] = [
+    ("integrator", PlainKind::Integrator),
+    ("integrator with two gains", PlainKind::TwoGains),
+    ("integrator with two gains and dead zone", PlainKind::DeadZone),
+    ("plain law", PlainKind::PlainLaw),
+    ("first-order lag", PlainKind::Lag),
+    ("set point with lag", PlainKind::SetPoint),
+];
+
+/// The kinds of plain models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PlainKind {
+    /// The position sums up what drives it.
+    Integrator,
+    /// The same with a gain each way.
+    TwoGains,
+    /// The same with a dead zone.
+    DeadZone,
+    /// The same with a lag.
+    PlainLaw,
+    /// The position settles to a line over what drives it.
+    Lag,
+    /// The same with a delay and a rate limit each way.
+    SetPoint,
+}
+
+/// A plain model as fitted.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum PlainModel {
+    /// A sum.
+    Sum(PlainKind, Plain),
+    /// A set point.
+    SetPoint(PlainKind, SetPoint),
+}
+
+impl PlainKind {
+    /// All of them, the plainest first.
+    pub(crate) fn all() -> impl Iterator<Item = Self> {
+        TITLES.into_iter().map(|(_, kind)| kind)
+    }
+
+    /// What it is called in reports.
+    pub(crate) fn title(self) -> &'static str {
+        TITLES.iter().find(|(_, kind)| *kind == self).map_or("", |(title, _)| title)
+    }
+
+    /// Fits it to free runs; none where nothing drives them.
+    pub(crate) fn fitted(self, runs: &[Run]) -> Option<PlainModel> {
+        let parts = |band, lag| Parts { band, lag };
+        let sum = |law| PlainModel::Sum(self, law);
+        let set_point = |with_limits| Some(PlainModel::SetPoint(self, SetPoint::fitted(runs, with_limits)?));
+        match self {
+            Self::Integrator => integrator(runs).map(sum),
+            Self::TwoGains => plain_of(runs, parts(false, false)).map(sum),
+            Self::DeadZone => plain_of(runs, parts(true, false)).map(sum),
+            Self::PlainLaw => plain_of(runs, parts(true, true)).map(sum),
+            Self::Lag => set_point(false),
+            Self::SetPoint => set_point(true),
+        }
+    }
+}
+
+/// One gain and a zero, by least squares.
+fn integrator(runs: &[Run]) -> Option<Plain> {
+    let drives = || runs.iter().flat_map(|run| run.spool.iter());
+    let middle = drives().sum::<f64>() / drives().count().max(1) as f64;
+    let shapes = |drive: f64, _: f64| vec![drive - middle, 1.0];
+    let law = SpoolLaw { lag: Lag::Dead(0.0), settles_s: None, shapes: &shapes };
+    let best = solved(law.normals(runs).iter())?;
+    let zero = middle - best[1] / best[0];
+    zero.is_finite().then_some(Plain {
+        lag: Lag::Dead(0.0),
+        zero,
+        half_band: 0.0,
+        above_1_s: best[0],
+        below_1_s: best[0],
+    })
+}
+
+impl PlainModel {
+    /// Position at each sample of a run from its first.
+    pub(crate) fn simulated(&self, run: &Run) -> Vec<f64> {
+        match self {
+            Self::Sum(_, law) => law.simulated(run),
+            Self::SetPoint(_, law) => law.simulated(run),
+        }
+    }
+
+    /// Its parameters, each by name, value and unit, in the units of the recordings; `drive` is what drives it.
+    pub(crate) fn parameters(&self, drive: &str) -> Vec<(&'static str, f64, String)> {
+        let of = |name, value, unit: String| (name, value, unit);
+        let speed = || format!("of the position per second and unit of the {drive}");
+        let rate = || "of the position per second".to_owned();
+        let (in_drive, seconds) = (format!("of the {drive}"), || "s".to_owned());
+        match *self {
+            Self::Sum(kind, Plain { lag, zero, half_band, above_1_s, below_1_s }) => {
+                let mut all = match kind {
+                    PlainKind::Integrator => vec![of("gain", above_1_s, speed())],
+                    _ => vec![of("gain above zero", above_1_s, speed()), of("gain below zero", below_1_s, speed())],
+                };
+                all.push(of("zero", zero, in_drive.clone()));
+                if matches!(kind, PlainKind::DeadZone | PlainKind::PlainLaw) {
+                    all.push(of("dead band, full width", 2.0 * half_band, in_drive));
+                }
+                if kind == PlainKind::PlainLaw {
+                    let name = if matches!(lag, Lag::Dead(_)) { "delay" } else { "lag" };
+                    all.push(of(name, lag.time_s(), seconds()));
+                }
+                all
+            }
+            Self::SetPoint(kind, law) => {
+                let mut all = vec![
+                    of("gain", law.gain, format!("of the position per unit of the {drive}")),
+                    of("level", law.level, "of the position".to_owned()),
+                    of("lag", law.lag_s, seconds()),
+                ];
+                if kind == PlainKind::SetPoint {
+                    all.push(of("delay", law.delay_s, seconds()));
+                    let limits = [("rate limit, rising", law.rising_limit), ("rate limit, falling", law.falling_limit)];
+                    all.extend(
+                        limits
+                            .into_iter()
+                            .filter(|(_, most)| most.is_finite())
+                            .map(|(name, most)| of(name, most, rate())),
+                    );
+                }
+                all
+            }
+        }
+    }
+}

@@ -1,0 +1,308 @@
+//! The models of a stage in free runs over pieces that they were not fitted to: the twin without and with the named effects, plain models beside it.
+//!
+//! Each half of the recordings is fitted in turn and the other predicted, piece by piece, each from its own measured start. A plain model *wins* where it
+//! predicts both halves better than any twin, by more than a twentieth, and by more than twice the standard error of the differences between pieces.
+
+use std::collections::BTreeSet;
+
+use crate::estimation::coordinate::subject_at;
+use crate::estimation::fit::{Effort, fit};
+use crate::likelihood::prepared::PreparedRecording;
+use crate::likelihood::problem::{Problem, twin_of};
+use crate::model::FittedModel;
+use crate::preparation::Preparation;
+use crate::result::{ComparedModel, FreeRun, ModelParameter};
+use crate::stage_alone::command::Deviation;
+use crate::stage_alone::pieces::{pieces, windows};
+use crate::stage_alone::plain_models::{PlainKind, PlainModel};
+use crate::stage_alone::run::Run;
+use crate::stage_alone::time_scale::free_run_s;
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Cut;
+
+/// The twin's error over the plain model's from which on the plain one may win: by less, the twin is as good.
+const CLEARLY: f64 = 1.05;
+/// Standard errors of the differences between pieces by which it must.
+const STANDARD_ERRORS: f64 = 2.0;
+/// Share of the squared error, of what a plain model of the same law closes, that named effects must close beside it.
+const NEARLY: f64 = 0.9;
+/// Names of the halves.
+const HALVES: [&str; 2] = ["first half", "second half"];
+
+/// The models in free runs.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Compared {
+    /// Length of a free run, s.
+    pub free_run_s: f64,
+    /// What drives the plain models.
+    pub drive: &'static str,
+    /// The models: twins first.
+    pub models: Vec<ComparedModel>,
+    /// Their errors by half.
+    pub free_runs: Vec<FreeRun>,
+}
+
+/// Sum of squares, pu², and number of samples of each piece.
+type Squares = Vec<(f64, usize)>;
+
+impl Compared {
+    /// Fits and runs the models; empty where there are no two halves.
+    pub(crate) fn of(ready: &Preparation, twins: &[&FittedModel]) -> Self {
+        let deviation = ready.alone.as_ref().and_then(|alone| alone.deviation);
+        let drive = if ready.alone.as_ref().is_some_and(|alone| alone.by_command) { "command" } else { "spool" };
+        let whole: Vec<Run> = ready
+            .whole
+            .iter()
+            .cloned()
+            .map(PreparedRecording::servomotor_stage)
+            .filter_map(|one| Run::of(&one))
+            .collect();
+        let mut compared = Self { free_run_s: free_run_s(&whole), drive, ..Self::default() };
+        let Some(halves) = halves(&ready.whole, compared.free_run_s) else { return compared };
+        for model in twins {
+            let errors = [0, 1].map(|half| {
+                let problem = Problem::new(halves[half].clone(), &model.unit(), &ready.noise);
+                let found =
+                    fit(&problem, &model.base, &model.free_parameters, &model.fit.positions, Effort::FULL, None);
+                let unit = subject_at(&model.base, &model.free_parameters, &found.positions);
+                [half, 1 - half].map(|half| twin_squares(&halves[half], &unit, ready, deviation))
+            });
+            compared.add(model.ids().join(" + "), None, errors);
+        }
+        let recorded = ready.unit.recorded;
+        let runs = halves
+            .each_ref()
+            .map(|half| half.iter().filter_map(|one| as_recorded(one, ready, deviation)).collect::<Vec<Run>>());
+        let both: Vec<Run> = runs.iter().flatten().cloned().collect();
+        let scale_pu = recorded.servomotor_position.scale_pu;
+        for kind in PlainKind::all() {
+            let fitted = [kind.fitted(&runs[0]), kind.fitted(&runs[1]), kind.fitted(&both)];
+            let [Some(first), Some(second), Some(whole)] = fitted else { continue };
+            let squares = |model: &PlainModel, half: usize| -> Squares {
+                let of = |run: &Run| {
+                    let said = model.simulated(run);
+                    let squares = said.iter().zip(&run.opening).map(|(said, seen)| (scale_pu * (said - seen)).powi(2));
+                    (squares.sum(), said.len())
+                };
+                runs[half].iter().map(of).collect()
+            };
+            let errors = [[squares(&first, 0), squares(&first, 1)], [squares(&second, 1), squares(&second, 0)]];
+            let parameters =
+                whole.parameters(drive).into_iter().map(|(name, value, unit)| ModelParameter { name, value, unit });
+            compared.add(kind.title().to_owned(), Some(parameters.collect()), errors);
+        }
+        compared
+    }
+
+    /// Takes a model's squares: by the half that was fitted, those seen and those held out.
+    fn add(&mut self, name: String, plain: Option<Vec<ModelParameter>>, errors: [[Squares; 2]; 2]) {
+        let rmse = |squares: &[(f64, usize)]| {
+            let (sum, count) = squares.iter().fold((0.0, 0), |(sum, count), one| (sum + one.0, count + one.1));
+            (sum / f64::max(count as f64, 1.0)).sqrt()
+        };
+        for (half, [seen, held_out]) in errors.iter().enumerate() {
+            let (seen, held_out) = (rmse(seen), rmse(held_out));
+            self.free_runs.push(FreeRun { model: name.clone(), fitted_on: HALVES[half], seen, held_out });
+        }
+        // In the order of the recordings: the first half is held out by the fit to the second.
+        let held_out: Vec<(f64, usize)> = errors[1][1].iter().chain(&errors[0][1]).copied().collect();
+        self.models.push(ComparedModel {
+            model: name,
+            is_plain: plain.is_some(),
+            parameters: plain.unwrap_or_default(),
+            held_out: rmse(&held_out),
+            halves: [rmse(&errors[1][1]), rmse(&errors[0][1])],
+            pieces: held_out.iter().map(|one| rmse(std::slice::from_ref(one))).collect(),
+        });
+    }
+
+    /// The plain model that wins.
+    pub(crate) fn winner(&self) -> Option<&ComparedModel> {
+        let best = |plain: bool| {
+            let models = self.models.iter().filter(|model| model.is_plain == plain && model.held_out.is_finite());
+            models.min_by(|a, b| a.held_out.total_cmp(&b.held_out))
+        };
+        let plain = best(true)?;
+        let twins = || self.models.iter().filter(|model| !model.is_plain);
+        twins().all(|twin| wins(plain, twin)).then_some(plain).filter(|_| best(false).is_some())
+    }
+
+    /// Whether a model wins whose position settles, which a servomotor's does not.
+    pub(crate) fn settles(&self) -> bool {
+        self.winner().is_some_and(|plain| plain.parameters.iter().any(|one| one.name == "level"))
+    }
+
+    /// Why effects are not named, in words; none where the free runs bear them out, or were not made.
+    ///
+    /// The twin with them must predict both halves better than the one without, and no plain model of another law may win. A winner that sums up
+    /// what drives it with a gain each way is the stage's own law: beside it the effects stand if they close nearly as much of the error as it does.
+    pub(crate) fn against(&self, effects: &str) -> Option<String> {
+        let ids = |name: &str| name.split(" + ").map(str::to_owned).collect::<BTreeSet<String>>();
+        let of = |name: &str| self.models.iter().find(|model| !model.is_plain && ids(&model.model) == ids(name));
+        let (without, with) = of("").zip(of(effects))?;
+        if (0..2).any(|half| with.halves[half] >= without.halves[half]) {
+            return Some("the stage with it does not predict both halves better than without".to_owned());
+        }
+        let plain = self.winner()?;
+        let squares = [without, with, plain].map(|model| model.held_out.powi(2));
+        let closes = squares[0] - squares[1] >= NEARLY * (squares[0] - squares[2]);
+        let same_law = plain.parameters.iter().any(|one| one.name == "gain above zero");
+        (!same_law || !closes)
+            .then(|| format!("the plain model \"{}\" predicts both halves better than the stage with it", plain.model))
+    }
+}
+
+/// Whether a plain model predicts better than a twin, in both halves and beyond the spread between pieces.
+fn wins(plain: &ComparedModel, twin: &ComparedModel) -> bool {
+    if twin.pieces.len() != plain.pieces.len() {
+        return false;
+    }
+    let differences: Vec<f64> = twin.pieces.iter().zip(&plain.pieces).map(|(twin, plain)| twin - plain).collect();
+    let count = differences.len() as f64;
+    let mean = differences.iter().sum::<f64>() / count;
+    let variance = differences.iter().map(|one| (one - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let in_both = (0..2).all(|half| plain.halves[half] < twin.halves[half]);
+    in_both && CLEARLY * plain.held_out < twin.held_out && mean > STANDARD_ERRORS * (variance / count).sqrt()
+}
+
+/// Free runs of the recordings, by half: of several recordings the first ones and the others; none where a half has none.
+fn halves(whole: &[Recording], length_s: f64) -> Option<[Vec<PreparedRecording>; 2]> {
+    let of = |half: &[Recording]| -> Vec<PreparedRecording> {
+        let runs =
+            half.iter().flat_map(|recording| windows(recording, length_s)).map(PreparedRecording::servomotor_stage);
+        runs.filter(|recording| recording.samples.len() > 2).collect()
+    };
+    let halves = match whole {
+        [_] => match pieces(whole, 2).as_slice() {
+            [first, second] => [of(std::slice::from_ref(first)), of(std::slice::from_ref(second))],
+            _ => return None,
+        },
+        several => {
+            let (first, second) = several.split_at(several.len() / 2);
+            [of(first), of(second)]
+        }
+    };
+    halves.iter().all(|half| !half.is_empty()).then_some(halves)
+}
+
+/// A run as recorded: driven by the command where its deviation stands in for the spool.
+fn as_recorded(recording: &PreparedRecording, ready: &Preparation, deviation: Option<Deviation>) -> Option<Run> {
+    let recorded = ready.unit.recorded;
+    Run::read(recording, |frame| {
+        let drive = match deviation {
+            Some(_) => frame.inputs.opening_command_pu,
+            None => recorded.spool_position.recorded(frame.measured.spool_position_pu),
+        };
+        [drive, recorded.servomotor_position.recorded(frame.measured.servomotor_position_pu)]
+    })
+}
+
+/// Squares of the servomotor position that a unit's twin misses in each piece.
+fn twin_squares(
+    pieces: &[PreparedRecording],
+    unit: &Unit,
+    ready: &Preparation,
+    deviation: Option<Deviation>,
+) -> Squares {
+    let problem = Problem::new(pieces.to_vec(), unit, &ready.noise);
+    let of = |(index, piece): (usize, &PreparedRecording)| {
+        let positions = match deviation {
+            Some(deviation) => looped(piece, unit, deviation),
+            None => Signal::ServomotorPosition.of_estimates(&problem.simulate(unit, index)),
+        };
+        let residuals = piece.measured(Signal::ServomotorPosition).into_iter().zip(positions);
+        let squares = residuals.map(|(seen, said)| (seen - said).powi(2)).filter(|square| square.is_finite());
+        squares.fold((0.0, 0), |(sum, count), square| (sum + square, count + 1))
+    };
+    pieces.iter().enumerate().map(of).collect()
+}
+
+/// Position at each sample where the deviation that drives the twin is that from its own position: a recorded one would hold what is to be predicted.
+fn looped(piece: &PreparedRecording, unit: &Unit, deviation: Deviation) -> Vec<f64> {
+    let recorded = unit.recorded;
+    let mut twin = twin_of(unit).with_cut(Cut::Spool);
+    let mut positions = Vec::with_capacity(piece.samples.len());
+    let mut samples = piece.samples.iter().peekable();
+    // Time and position of the last two rows, from which the position of the next is foreseen.
+    let mut known: Option<[(i64, f64); 2]> = None;
+    for (row, frame) in piece.frames.iter().enumerate() {
+        let mut frame = *frame;
+        if let Some([(before_ns, before), (last_ns, last)]) = known {
+            let steps = (frame.time_ns - last_ns) as f64 / (last_ns - before_ns).max(1) as f64;
+            let foreseen = last + (last - before) * steps.min(1.0);
+            let position = recorded.servomotor_position.recorded(foreseen);
+            let spool = deviation.of(frame.inputs.opening_command_pu, position);
+            if spool.is_finite() {
+                frame.measured.spool_position_pu = recorded.spool_position.position_pu(spool);
+            }
+        }
+        let said = twin.step(&frame).signals.servomotor_position_pu;
+        known = Some([known.map_or((frame.time_ns - 1, said), |[_, last]| last), (frame.time_ns, said)]);
+        if samples.next_if(|&&sample| sample == row).is_some() {
+            positions.push(said);
+        }
+    }
+    positions
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model(name: &str, is_plain: bool, pieces: [f64; 6]) -> ComparedModel {
+        let rms = |some: &[f64]| (some.iter().map(|one| one * one).sum::<f64>() / some.len() as f64).sqrt();
+        ComparedModel {
+            model: name.to_owned(),
+            is_plain,
+            parameters: Vec::new(),
+            held_out: rms(&pieces),
+            halves: [rms(&pieces[..3]), rms(&pieces[3..])],
+            pieces: pieces.to_vec(),
+        }
+    }
+
+    fn compared(models: Vec<ComparedModel>) -> Compared {
+        Compared { models, ..Compared::default() }
+    }
+
+    #[test]
+    fn a_plain_model_wins_in_both_halves_and_beyond_the_spread() {
+        let twins = || {
+            vec![model("", false, [3.0, 3.2, 2.9, 3.1, 3.0, 3.3]), model("load", false, [2.0, 2.2, 1.9, 2.1, 2.0, 2.3])]
+        };
+        let winner = |pieces: [f64; 6]| {
+            let plain = model("integrator", true, pieces);
+            compared(twins().into_iter().chain([plain]).collect()).winner().is_some()
+        };
+        assert!(winner([1.0, 1.1, 0.9, 1.0, 1.0, 1.2]));
+        // Better than the recalibrated twin alone, by a hair, in one half, or in one piece of many.
+        assert!(!winner([2.5, 2.5, 2.5, 2.5, 2.5, 2.5]));
+        assert!(!winner([1.95, 2.15, 1.85, 2.05, 1.95, 2.25]));
+        assert!(!winner([0.5, 0.5, 0.5, 2.5, 2.5, 2.5]));
+        assert!(!winner([2.0, 0.1, 1.9, 2.1, 2.2, 2.1]));
+        assert!(compared(twins()).winner().is_none(), "nothing plain was run");
+    }
+
+    #[test]
+    fn a_name_stands_where_the_free_runs_bear_it_out() {
+        let against = |with: [f64; 6], plain: Option<(&'static str, [f64; 6])>| {
+            let mut models = vec![model("", false, [1.0; 6]), model("load", false, with)];
+            models.extend(plain.map(|(parameter, pieces)| ComparedModel {
+                parameters: vec![ModelParameter { name: parameter, value: 1.0, unit: String::new() }],
+                ..model("plain", true, pieces)
+            }));
+            compared(models).against("load").is_some()
+        };
+        assert!(!against([0.2; 6], None));
+        assert!(against([0.1, 0.1, 0.1, 1.1, 1.1, 1.1], None), "one half alone");
+        let better = [0.05, 0.06, 0.05, 0.06, 0.05, 0.06];
+        for (parameter, with, wanted) in
+            [("level", 0.2, true), ("gain", 0.2, true), ("gain above zero", 0.2, false), ("gain above zero", 0.6, true)]
+        {
+            assert_eq!(against([with; 6], Some((parameter, better))), wanted, "{parameter} {with}");
+        }
+        assert!(compared(Vec::new()).against("load").is_none(), "what was not run says nothing");
+    }
+}
