@@ -216,7 +216,11 @@ fn a_clock_that_waits_for_what_is_played_before_it_brings_no_command_late_on_a_b
         wait_for("the node comes", readers);
         std::thread::sleep(Duration::from_millis(700));
         for _ in 0..12 {
-            scope.spawn(|| while is_busy.load(Ordering::Relaxed) {});
+            scope.spawn(|| {
+                while is_busy.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
         }
         let played = player.play(&tape, &play, &stop, &mut |_| {}).unwrap();
         is_busy.store(false, Ordering::Relaxed);
