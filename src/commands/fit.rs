@@ -193,18 +193,16 @@ type CutRecording = (Recording, Cut);
 /// Reads all bags.
 fn read(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<Recordings> {
     let topics = args.topics.topics();
-    match args.params {
-        Some(_) => bags::read(paths, &topics, unit),
-        None => {
-            let (mut found, only_stages) = bags::read_without_sheet(paths, &topics, unit, StageWanted::IfNoCommand)?;
-            if only_stages {
-                // A command in another unit than pu drives no chain.
-                let frames = found.recordings.iter_mut().flat_map(|recording| &mut recording.frames);
-                frames.for_each(|frame| frame.inputs.opening_command_pu = f64::NAN);
-            }
-            Ok(found)
-        }
+    if args.params.is_some() {
+        return bags::read(paths, &topics, unit);
     }
+    let (mut found, only_stages) = bags::read_without_sheet(paths, &topics, unit, StageWanted::IfNoCommand)?;
+    if only_stages {
+        // A command in another unit than pu drives no chain.
+        let frames = found.recordings.iter_mut().flat_map(|recording| &mut recording.frames);
+        frames.for_each(|frame| frame.inputs.opening_command_pu = f64::NAN);
+    }
+    Ok(found)
 }
 
 /// Takes in what can be used, recordings without a command as those of the servomotor stage; also warnings.

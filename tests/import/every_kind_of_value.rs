@@ -105,7 +105,8 @@ pub(super) fn impossible(cases: &mut Cases) {
                {column: TRIP, shutdown: 1}}\n";
     let rows = rejection();
     let count = rows.len();
-    let changes: [(&str, &dyn Fn(usize) -> ([f64; 4], u8), &'static str); 9] = [
+    type Changed<'a> = (&'a str, &'a dyn Fn(usize) -> ([f64; 4], u8), &'static str);
+    let changes: [Changed<'_>; 9] = [
         (
             "the position is the command",
             &|k| ([rows[k].values[0], rows[k].values[0], rows[k].values[2], rows[k].values[3]], 0),

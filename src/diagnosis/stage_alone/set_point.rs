@@ -91,7 +91,7 @@ impl SetPoint {
         let bases: Vec<Self> = starts.iter().map(of).collect();
         let axes: Vec<Vec<Axis>> =
             bases.iter().map(|base| axes.iter().filter(|axis| axis.acts(base)).copied().collect()).collect();
-        let zeros = vec![0.0; Axis::MOST];
+        let zeros = [0.0; Axis::MOST];
         let starts: Vec<Start<'_, Axis>> = bases
             .iter()
             .zip(&axes)

@@ -69,7 +69,7 @@ impl Compared {
                 let unit = subject_at(&model.base, &model.free_parameters, &found.positions);
                 [half, 1 - half].map(|half| twin_squares(&halves[half], &unit, ready, deviation))
             });
-            compared.add(model.ids().join(" + "), None, errors);
+            compared.add(model.ids().join(" + "), None, &errors);
         }
         let recorded = ready.unit.recorded;
         let runs = halves
@@ -91,13 +91,13 @@ impl Compared {
             let errors = [[squares(&first, 0), squares(&first, 1)], [squares(&second, 1), squares(&second, 0)]];
             let parameters =
                 whole.parameters(drive).into_iter().map(|(name, value, unit)| ModelParameter { name, value, unit });
-            compared.add(kind.title().to_owned(), Some(parameters.collect()), errors);
+            compared.add(kind.title().to_owned(), Some(parameters.collect()), &errors);
         }
         compared
     }
 
     /// Takes a model's squares: by the half that was fitted, those seen and those held out.
-    fn add(&mut self, name: String, plain: Option<Vec<ModelParameter>>, errors: [[Squares; 2]; 2]) {
+    fn add(&mut self, name: String, plain: Option<Vec<ModelParameter>>, errors: &[[Squares; 2]; 2]) {
         let rmse = |squares: &[(f64, usize)]| {
             let (sum, count) = squares.iter().fold((0.0, 0), |(sum, count), one| (sum + one.0, count + one.1));
             (sum / f64::max(count as f64, 1.0)).sqrt()

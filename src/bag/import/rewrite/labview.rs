@@ -144,13 +144,11 @@ impl LabView {
     /// A time as the table has it.
     fn time(&self, since_ns: i64) -> String {
         let start = self.start.filter(|_| !self.absolute);
-        match start.and_then(|start| start.checked_add(SignedDuration::from_nanos(since_ns)).ok()) {
-            Some(time) => time.to_string(),
-            None => {
-                let (sign, since_ns) = (if since_ns < 0 { "-" } else { "" }, since_ns.unsigned_abs());
-                format!("{sign}{}.{:09}", since_ns / 1_000_000_000, since_ns % 1_000_000_000)
-            }
+        if let Some(time) = start.and_then(|start| start.checked_add(SignedDuration::from_nanos(since_ns)).ok()) {
+            return time.to_string();
         }
+        let (sign, since_ns) = (if since_ns < 0 { "-" } else { "" }, since_ns.unsigned_abs());
+        format!("{sign}{}.{:09}", since_ns / 1_000_000_000, since_ns % 1_000_000_000)
     }
 
     fn timed(&mut self, line: &str) -> Result<String, String> {
