@@ -169,8 +169,9 @@ fn stage_loops_are_told_as_set_points_with_delay_lag_and_limits_at_any_speed() {
 /// The same recording whose clock runs so many times as slow, in other units; a command goes with the spool.
 fn other(recording: &Recording, slower: f64, spool: [f64; 2], servomotor: [f64; 2]) -> Recording {
     let mut other = in_units(recording, spool, servomotor);
+    let begin_ns = recording.frames[0].time_ns;
     for frame in &mut other.frames {
-        frame.time_ns = (frame.time_ns as f64 * slower).round() as i64;
+        frame.time_ns = begin_ns + ((frame.time_ns - begin_ns) as f64 * slower).round() as i64;
         frame.inputs.opening_command_pu = frame.inputs.opening_command_pu * spool[0] + spool[1];
     }
     other

@@ -14,6 +14,9 @@ const ZEROS: usize = 25;
 const HALVES: [f64; 6] = [0.0, 0.02, 0.05, 0.1, 0.2, 0.35];
 /// First steps of the pattern, as shares: of the run's length, of the spool's travel twice.
 const STEPS: [f64; 3] = [0.005, 0.02, 0.02];
+/// Where the pattern walks, either way: along each axis, and along each edge of the dead band alone, on which one direction of movement depends.
+const DIRECTIONS: [SearchPlace; 5] =
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 1.0, -1.0]];
 /// How often the pattern halves its steps, and how often it walks at one size.
 const WALKS: (usize, usize) = (10, 12);
 
@@ -111,19 +114,23 @@ pub(crate) fn plain_of(runs: &[Run], parts: Parts) -> Option<Plain> {
     let missed = |place: SearchPlace| Lagged::of(&fine, lag.with_time(place[0])).gains(place).2;
     let mut least = missed(place);
     let mut steps = [STEPS[0] * length_s, STEPS[1] * travel, STEPS[2] * travel];
-    let is_free = [parts.lag, true, parts.band];
+    let directions: Vec<SearchPlace> = DIRECTIONS
+        .into_iter()
+        .filter(|[time, _, half]| (parts.lag || *time == 0.0) && (parts.band || *half == 0.0))
+        .flat_map(|direction| [direction, direction.map(|one| -one)])
+        .collect();
     for _ in 0..WALKS.0 {
         for _ in 0..WALKS.1 {
             let before = least;
-            for k in (0..place.len()).filter(|&k| is_free[k]) {
-                for step in [steps[k], -steps[k]] {
-                    let mut other = place;
+            for direction in &directions {
+                let other: SearchPlace = std::array::from_fn(|k| {
+                    let moved = place[k] + direction[k] * steps[k];
                     // Neither lag nor width is below nothing.
-                    other[k] = if k == 1 { place[k] + step } else { (place[k] + step).max(0.0) };
-                    let now = missed(other);
-                    if now < least {
-                        (least, place) = (now, other);
-                    }
+                    if k == 1 { moved } else { moved.max(0.0) }
+                });
+                let now = missed(other);
+                if now < least {
+                    (least, place) = (now, other);
                 }
             }
             if least == before {
