@@ -13,6 +13,7 @@ use serde::Deserialize;
 use super::health::Health;
 use super::realtime::monotonic_ns;
 use super::tap::Tap;
+use super::transport::{Participant, participant_of};
 use govtwin_bag::cdr;
 
 /// Shortest beginning of an id: with Fast DDS it is vendor and host.
@@ -23,9 +24,6 @@ const MOST_REMEMBERED: usize = 1024;
 
 /// Most changes of the graph that are taken in at a time.
 const MOST_CHANGES: usize = 1024;
-
-/// The part of an id that all endpoints of a participant share.
-type Participant = [u8; 12];
 
 /// Whom a list names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -166,7 +164,7 @@ impl<'a> Commanders<'a> {
         let changes = std::iter::from_fn(|| self.graph?.take()).take(MOST_CHANGES);
         for change in changes.filter_map(Result::ok) {
             if let Ok(Participation { id, nodes }) = cdr::decode(&change.data) {
-                self.enter(participant_of(&id.to_bytes16()), nodes);
+                self.enter(participant_of(id), nodes);
             }
         }
     }
@@ -189,15 +187,10 @@ impl<'a> Commanders<'a> {
     /// The node that lists a sender, or else all nodes of its participant.
     fn nodes_of(&self, sender: Gid) -> Vec<String> {
         let nodes = self.nodes.borrow();
-        let Some(all) = nodes.get(&participant_of(&sender.to_bytes16())) else { return Vec::new() };
+        let Some(all) = nodes.get(&participant_of(sender)) else { return Vec::new() };
         let own = all.iter().find(|node| node.writers.contains(&sender));
         own.map_or_else(|| all.iter().map(ListedNode::full_name).collect(), |own| vec![own.full_name()])
     }
-}
-
-fn participant_of(id: &[u8; 16]) -> Participant {
-    let [participant @ .., _, _, _, _] = *id;
-    participant
 }
 
 #[cfg(test)]
@@ -232,7 +225,7 @@ mod tests {
         assert_eq!(health.flags().node, 0);
         assert!(!commanders.may(id(1, 1)), "not in the graph yet");
         assert_eq!(health.flags().node, Health::IGNORED);
-        let enter = |participant, nodes| commanders.enter(participant_of(&id(participant, 0).to_bytes16()), nodes);
+        let enter = |participant, nodes| commanders.enter(participant_of(id(participant, 0)), nodes);
         enter(1, vec![node("/", "governor", &[id(1, 1)]), node("/", "other", &[id(1, 2)])]);
         enter(2, vec![node("/bench", "valve", &[])]);
         let may = [id(1, 1), id(1, 2), id(1, 3), id(2, 5), id(3, 1), id(7, 1)].map(|sender| commanders.may(sender));
@@ -261,7 +254,7 @@ mod tests {
         for number in 0..5000_u32 {
             let mut bytes = [0; 16];
             bytes[..4].copy_from_slice(&number.to_le_bytes());
-            commanders.enter(participant_of(&bytes), Vec::new());
+            commanders.enter(participant_of(Gid::from(bytes)), Vec::new());
             assert!(!commanders.may(Gid::from(bytes)));
             let _ = commanders.introduce(Gid::from(bytes));
         }

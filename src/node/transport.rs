@@ -8,7 +8,7 @@
 use std::net::IpAddr;
 use std::time::Duration;
 
-use rustdds::{DomainParticipant, DomainParticipantBuilder};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, GUID};
 
 /// What stands in for the repaired copy's items where the release lacks them.
 trait Published: Sized {
@@ -32,6 +32,15 @@ trait Silent {
 }
 
 impl Silent for DomainParticipant {}
+
+/// The part of an id that all endpoints of a participant share.
+pub(super) type Participant = [u8; 12];
+
+/// The participant of an endpoint.
+pub(super) fn participant_of(endpoint: impl Into<GUID>) -> Participant {
+    let [participant @ .., _, _, _, _] = endpoint.into().to_bytes();
+    participant
+}
 
 /// Lets the endpoints of a topic that are opened from now on announce the hash of its type, as those of Iron and later do, and, where they are
 /// of a service, the hash of that service, as those of Kilted and later do; the release of RustDDS cannot.

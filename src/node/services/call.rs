@@ -21,8 +21,9 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::super::spout::Encoded;
+use super::super::transport::participant_of;
 use super::{Aftermath, ServiceContext};
-use delivery::{Delivery, Response, participant_of};
+use delivery::{Delivery, Response};
 use govtwin_bag::cdr;
 
 /// What names the layout of a sample, before its bytes: little-endian CDR, as every ROS 2 writes on machines of today.

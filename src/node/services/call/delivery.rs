@@ -8,14 +8,13 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use rustdds::bytes::Bytes;
 use rustdds::{GUID, SampleIdentity};
 
+use crate::transport::{Participant, participant_of};
+
 /// Most responses that wait for a reader; of more the oldest is lost, as its caller has gone.
 const MOST_WAITING: usize = 256;
 
 /// Most clients that are remembered; beyond them counting starts anew.
 const MOST_CLIENTS: usize = 1024;
-
-/// The part of an id that all endpoints of a participant share.
-pub(super) type Participant = [u8; 12];
 
 /// A response on its way.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -104,12 +103,6 @@ impl Delivery {
         let clients = self.counts.get(&participant).copied().unwrap_or(1);
         if readers.len() < clients { Vec::new() } else { readers }
     }
-}
-
-/// The participant of an endpoint.
-pub(super) fn participant_of(id: GUID) -> Participant {
-    let [participant @ .., _, _, _, _] = id.to_bytes();
-    participant
 }
 
 #[cfg(test)]
