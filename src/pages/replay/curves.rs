@@ -233,27 +233,33 @@ impl<'a> Curves<'a> {
             Panel::new(title)
         };
         let own = self.simulated(self.replayed, signal, scale);
-        let panel = match self.beside {
-            Some(Beside::Unit { title, replayed }) => panel.dashed_line(Ink::Difference, "before", own).line(
-                Ink::Simulated,
-                &format!("after: {title}"),
-                self.simulated(replayed, signal, scale),
-            ),
-            Some(Beside::Residual { signal: corrected, replayed, half_width, coverage_share })
-                if corrected == signal =>
-            {
-                let line = self.simulated(replayed, signal, scale);
+        let Some((replayed, [before, after])) = self.beside(signal) else {
+            return panel.line(Ink::Simulated, "simulated", own).x_name("time from the start, s");
+        };
+        let line = self.simulated(replayed, signal, scale);
+        let (panel, after) = match self.beside {
+            Some(Beside::Unit { title, .. }) => (panel, format!("{after}: {title}")),
+            Some(Beside::Residual { half_width, coverage_share: Some(share), .. }) => {
                 let widths = half_width.iter().map(|width| width * scale);
                 let band = line.iter().zip(widths).map(|(&[t, y], width)| [t, y - width, y + width]).collect();
-                let panel = match coverage_share {
-                    Some(share) => panel.band(Ink::Band, &format!("{:.0} % band", 100.0 * share), band),
-                    None => panel,
-                };
-                panel.dashed_line(Ink::Difference, "twin alone", own).line(Ink::Simulated, "with the residual", line)
+                (panel.band(Ink::Band, &format!("{:.0} % band", 100.0 * share), band), after.to_owned())
             }
-            _ => panel.line(Ink::Simulated, "simulated", own),
+            _ => (panel, after.to_owned()),
         };
-        panel.x_name("time from the start, s")
+        panel
+            .dashed_line(Ink::Difference, before, own)
+            .line(Ink::Simulated, &after, line)
+            .x_name("time from the start, s")
+    }
+
+    /// What stands beside the twin in a signal, with what twin and other are called; none where it is the twin's own.
+    fn beside(&self, signal: Signal) -> Option<(&'a Replayed, [&'static str; 2])> {
+        match self.beside? {
+            Beside::Unit { replayed, .. } => Some((replayed, ["before", "after"])),
+            Beside::Residual { signal: corrected, replayed, .. } => {
+                (corrected == signal).then_some((replayed, ["twin alone", "with the residual"]))
+            }
+        }
     }
 
     fn missed(&self, signal: Signal, unit: &str, scale: f64, sensors: &Sensors) -> Panel {
@@ -264,19 +270,13 @@ impl<'a> Curves<'a> {
             .band(Ink::Band, "±2σ of the transducer", vec![[0.0, -noise, noise], [end_s, -noise, noise]])
             .x_name("time from the start, s");
         let own = self.difference(self.replayed, signal, scale);
-        let both = |replayed, [before, after]: [&str; 2]| {
-            panel.clone().dashed_line(Ink::Difference, before, own.clone()).line(
+        match self.beside(signal) {
+            None => panel.line(Ink::Difference, "difference", own),
+            Some((replayed, [before, after])) => panel.dashed_line(Ink::Difference, before, own).line(
                 Ink::Simulated,
                 after,
                 self.difference(replayed, signal, scale),
-            )
-        };
-        match self.beside {
-            Some(Beside::Unit { replayed, .. }) => both(replayed, ["before", "after"]),
-            Some(Beside::Residual { signal: corrected, replayed, .. }) if corrected == signal => {
-                both(replayed, ["twin alone", "with the residual"])
-            }
-            _ => panel.line(Ink::Difference, "difference", own),
+            ),
         }
     }
 
