@@ -1,7 +1,7 @@
 //! Plain models of a stage, which know nothing of a servomotor: what a twin must predict better than.
 
 use crate::stage_alone::plain::{Parts, Plain, plain_of};
-use crate::stage_alone::run::{Lag, Run, SpoolLaw, solved};
+use crate::stage_alone::run::{Lag, Run, SpoolLaw, mean_spool, solved};
 use crate::stage_alone::set_point::SetPoint;
 
 /// What a plain model is called in reports, by its parts.
@@ -51,6 +51,21 @@ impl PlainKind {
         TITLES.iter().find(|(_, kind)| *kind == self).map_or("", |(title, _)| title)
     }
 
+    /// The kind that reports call so.
+    pub(crate) fn titled(title: &str) -> Option<Self> {
+        TITLES.iter().find(|(known, _)| *known == title).map(|(_, kind)| *kind)
+    }
+
+    /// Whether its position settles, which a servomotor's does not.
+    pub(crate) fn settles(self) -> bool {
+        matches!(self, Self::Lag | Self::SetPoint)
+    }
+
+    /// Whether it sums up what drives it with a gain each way, as the stage's own law does.
+    pub(crate) fn is_law_of_the_stage(self) -> bool {
+        matches!(self, Self::TwoGains | Self::DeadZone | Self::PlainLaw)
+    }
+
     /// Fits it to free runs; none where nothing drives them.
     pub(crate) fn fitted(self, runs: &[Run]) -> Option<PlainModel> {
         let parts = |band, lag| Parts { band, lag };
@@ -69,8 +84,7 @@ impl PlainKind {
 
 /// One gain and a zero, by least squares.
 fn integrator(runs: &[Run]) -> Option<Plain> {
-    let drives = || runs.iter().flat_map(|run| run.spool.iter());
-    let middle = drives().sum::<f64>() / drives().count().max(1) as f64;
+    let middle = mean_spool(runs);
     let shapes = |drive: f64, _: f64| vec![drive - middle, 1.0];
     let law = SpoolLaw { lag: Lag::Dead(0.0), settles_s: None, shapes: &shapes };
     let best = solved(law.normals(runs).iter())?;

@@ -176,6 +176,13 @@ pub(crate) fn settled(at: f64, [from, to]: [f64; 2], step_s: f64, constant_s: f6
     to - behind + (-step_s / constant_s).exp() * (at - from + behind)
 }
 
+/// Mean of what drives runs.
+#[must_use]
+pub(crate) fn mean_spool(runs: &[Run]) -> f64 {
+    let spools = || runs.iter().flat_map(|run| run.spool.iter());
+    spools().sum::<f64>() / spools().count().max(1) as f64
+}
+
 /// Typical length of runs, s.
 #[must_use]
 pub(crate) fn typical_s(runs: &[Run]) -> f64 {

@@ -9,7 +9,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::estimation::coordinate::{Coordinate, Judge, Residuals, square, subject_at};
 use crate::estimation::fit::{Effort, Start, fit_all};
-use crate::stage_alone::run::{Lag, Run, SpoolLaw, settled, solved, typical_s};
+use crate::stage_alone::run::{Lag, Run, SpoolLaw, mean_spool, settled, solved, typical_s};
 
 /// Samples that the fit looks at, of all runs together.
 const LOOKED_AT: usize = 20_000;
@@ -115,7 +115,7 @@ impl SetPoint {
         let delays = &DELAYS[..if with_delay { DELAYS.len() } else { 1 }];
         let grid: Vec<(f64, f64)> =
             delays.iter().flat_map(|delay| LAGS.iter().map(move |lag| (delay * length_s, lag * length_s))).collect();
-        let middle = middle(runs);
+        let middle = mean_spool(runs);
         let of = |&(delay_s, lag_s): &(f64, f64)| {
             let shapes = |command: f64, _: f64| vec![command - middle, 1.0];
             let law = SpoolLaw { lag: Lag::Dead(delay_s), settles_s: Some(lag_s), shapes: &shapes };
@@ -150,12 +150,6 @@ impl SetPoint {
         }
         law
     }
-}
-
-/// Mean of the command.
-fn middle(runs: &[Run]) -> f64 {
-    let commands = || runs.iter().flat_map(|run| run.spool.iter());
-    commands().sum::<f64>() / commands().count().max(1) as f64
 }
 
 /// Usual speed of the position as it rises and as it falls.
@@ -243,7 +237,7 @@ impl Axis {
         };
         let (command, opening) = (travel(|run| &run.spool), travel(|run| &run.opening));
         let all = (f64::NEG_INFINITY, f64::INFINITY);
-        let axis = |part, step, range| Self { part, step, range, middle: middle(runs) };
+        let axis = |part, step, range| Self { part, step, range, middle: mean_spool(runs) };
         let speeds = usual_speeds(runs).map(|speed| (0.05 * speed, 20.0 * speed));
         let mut axes = vec![
             axis(Part::Gain, 0.05 * (opening / command).max(start.gain.abs()), all),

@@ -131,7 +131,7 @@ impl Compared {
 
     /// Whether a model wins whose position settles, which a servomotor's does not.
     pub(crate) fn settles(&self) -> bool {
-        self.winner().is_some_and(|plain| plain.parameters.iter().any(|one| one.name == "level"))
+        self.winner().and_then(|plain| PlainKind::titled(&plain.model)).is_some_and(PlainKind::settles)
     }
 
     /// Why effects are not named, in words; none where the free runs bear them out, or were not made.
@@ -148,7 +148,7 @@ impl Compared {
         let plain = self.winner()?;
         let squares = [without, with, plain].map(|model| model.held_out.powi(2));
         let closes = squares[0] - squares[1] >= NEARLY * (squares[0] - squares[2]);
-        let same_law = plain.parameters.iter().any(|one| one.name == "gain above zero");
+        let same_law = PlainKind::titled(&plain.model).is_some_and(PlainKind::is_law_of_the_stage);
         (!same_law || !closes)
             .then(|| format!("the plain model \"{}\" predicts both halves better than the stage with it", plain.model))
     }
@@ -287,21 +287,21 @@ mod tests {
 
     #[test]
     fn a_name_stands_where_the_free_runs_bear_it_out() {
-        let against = |with: [f64; 6], plain: Option<(&'static str, [f64; 6])>| {
+        let against = |with: [f64; 6], plain: Option<(PlainKind, [f64; 6])>| {
             let mut models = vec![model("", false, [1.0; 6]), model("load", false, with)];
-            models.extend(plain.map(|(parameter, pieces)| ComparedModel {
-                parameters: vec![ModelParameter { name: parameter, value: 1.0, unit: String::new() }],
-                ..model("plain", true, pieces)
-            }));
+            models.extend(plain.map(|(kind, pieces): (PlainKind, _)| model(kind.title(), true, pieces)));
             compared(models).against("load").is_some()
         };
         assert!(!against([0.2; 6], None));
         assert!(against([0.1, 0.1, 0.1, 1.1, 1.1, 1.1], None), "one half alone");
         let better = [0.05, 0.06, 0.05, 0.06, 0.05, 0.06];
-        for (parameter, with, wanted) in
-            [("level", 0.2, true), ("gain", 0.2, true), ("gain above zero", 0.2, false), ("gain above zero", 0.6, true)]
-        {
-            assert_eq!(against([with; 6], Some((parameter, better))), wanted, "{parameter} {with}");
+        for (kind, with, wanted) in [
+            (PlainKind::Lag, 0.2, true),
+            (PlainKind::Integrator, 0.2, true),
+            (PlainKind::TwoGains, 0.2, false),
+            (PlainKind::TwoGains, 0.6, true),
+        ] {
+            assert_eq!(against([with; 6], Some((kind, better))), wanted, "{kind:?} {with}");
         }
         assert!(compared(Vec::new()).against("load").is_none(), "what was not run says nothing");
     }
