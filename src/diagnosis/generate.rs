@@ -14,10 +14,8 @@ use crate::generate::machine::Machine;
 use crate::generate::noise::{Purpose, RandomStreams, Transducer};
 use crate::generate::script::ProcessScript;
 use crate::generate::streams::GeneratedStreams;
-use govtwin_model::effects;
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
-use govtwin_model::plant::Plant;
 use govtwin_model::recording::{Process, Recording};
 use govtwin_model::solver::Method;
 use govtwin_model::twin::Twin;
@@ -60,17 +58,10 @@ pub fn recording(scenario: &Scenario) -> Recording {
 /// The messages of a scenario, stream by stream.
 #[must_use]
 pub fn streams(scenario: &Scenario) -> GeneratedStreams {
-    let mut plant = Plant::new(&scenario.unit.parameters);
-    effects::apply(&scenario.unit, &mut plant);
-    streams_of(plant, scenario)
-}
-
-/// The same of a plant with other equations than the unit's; of the unit only tank and transducers count then.
-fn streams_of(mut plant: Plant, scenario: &Scenario) -> GeneratedStreams {
     let Scenario { unit, process, .. } = scenario;
     let random = RandomStreams { seed: scenario.seed, process: *process };
     let sensors = &unit.sensors;
-    noise::hear(&mut plant, sensors, &random, scenario.duration_s);
+    let plant = noise::hearing(unit, &random, scenario.duration_s);
     let lookahead_ns = nanos_from_seconds(plant.lookahead_s);
     let script = ProcessScript::new(*process, scenario.duration_s, &random);
     let mut governor = Governor::new(script, random.of(Purpose::Command));

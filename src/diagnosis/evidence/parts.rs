@@ -12,7 +12,7 @@ use crate::estimation::coordinate::{square, subject_at};
 use crate::estimation::fit::{Effort, Start, fit_all};
 use crate::evidence::law_error::NO_LAW_ERROR;
 use crate::evidence::{KAPPAS, Shared};
-use crate::generate::noise::{Purpose, RandomStreams, Transducer, hear};
+use crate::generate::noise::{Purpose, RandomStreams, Transducer, hearing};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::prepared::PreparedRecording;
@@ -21,8 +21,7 @@ use crate::model::FittedModel;
 use crate::model::discrepancy::columns;
 use crate::model::support::{Placed, Variant, add};
 use crate::stage_alone::sheetless::{SPOOL_ZERO, acts_behind_the_spool};
-use govtwin_model::effects::{self, Stage, find};
-use govtwin_model::plant::Plant;
+use govtwin_model::effects::{Stage, find};
 use govtwin_model::signal::Signal;
 use govtwin_model::twin::{Cut, Twin};
 use govtwin_model::units::seconds_from_nanos;
@@ -116,11 +115,9 @@ impl Part {
         let shown =
             problem.recordings.iter().filter(|recording| self.of(recording).is_some()).filter_map(|recording| {
                 let random = RandomStreams { seed: DRAWS_SEED, process: recording.process };
-                let mut plant = Plant::new(&unit.parameters);
-                effects::apply(&unit, &mut plant);
                 let [begin_ns, end_ns] =
                     [recording.frames.first(), recording.frames.last()].map(|one| one.map_or(0, |one| one.time_ns));
-                hear(&mut plant, &unit.sensors, &random, seconds_from_nanos(end_ns - begin_ns));
+                let plant = hearing(&unit, &random, seconds_from_nanos(end_ns - begin_ns));
                 let mut transducer = Transducer::new(fed.sensor(&unit.sensors), random.of(Purpose::Servomotor));
                 let mut simulated = recording.clone();
                 let estimates = recording.run(&mut Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, METHOD));

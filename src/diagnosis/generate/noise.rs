@@ -6,7 +6,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use govtwin_model::parameters::{Sensor, Sensors};
+use govtwin_model::effects;
+use govtwin_model::parameters::{Sensor, Unit};
 use govtwin_model::plant::Plant;
 use govtwin_model::plant::term::{Point, Term, View};
 use govtwin_model::recording::Process;
@@ -122,15 +123,19 @@ pub fn in_loop(point: Point, sensor: Sensor, readings: u32, mut draws: Draws, ti
     Arc::new(InLoop { point, noise, sensor })
 }
 
-/// Puts the transducers that a regulator hears into a plant, with noise for so many seconds, which then begins anew.
-pub fn hear(plant: &mut Plant, sensors: &Sensors, random: &RandomStreams, duration_s: f64) {
+/// The plant of a unit whose regulator hears transducers with noise for so many seconds, which then begins anew.
+#[must_use]
+pub fn hearing(unit: &Unit, random: &RandomStreams, duration_s: f64) -> Plant {
+    let mut plant = Plant::new(&unit.parameters);
+    effects::apply(unit, &mut plant);
     let ticks_count = duration_s / plant.regulator.small_loop_period_s();
     for (point, sensor, readings, purpose) in [
-        (Point::RegulatorServomotor, sensors.servomotor_position_pu, READINGS, Purpose::RegulatorServomotor),
-        (Point::RegulatorSpool, sensors.spool_position_pu, 1, Purpose::RegulatorSpool),
+        (Point::RegulatorServomotor, unit.sensors.servomotor_position_pu, READINGS, Purpose::RegulatorServomotor),
+        (Point::RegulatorSpool, unit.sensors.spool_position_pu, 1, Purpose::RegulatorSpool),
     ] {
         plant.terms.push(in_loop(point, sensor, readings, random.of(purpose), ticks_count));
     }
+    plant
 }
 
 #[derive(Debug)]

@@ -10,18 +10,15 @@
 
 use super::Contender;
 use govtwin_correction::table::FeatureTable;
-use govtwin_diagnosis::generate::noise::{Draws, Purpose, RandomStreams, Transducer, hear};
-use govtwin_model::effects;
+use govtwin_diagnosis::generate::noise::{Draws, Purpose, RandomStreams, Transducer, hearing};
 use govtwin_model::frame::Estimate;
 use govtwin_model::frame::Frame;
 use govtwin_model::parameters::Unit;
-use govtwin_model::plant::Plant;
 use govtwin_model::recording::{Process, Recording};
 use govtwin_model::replay::between::drawn;
 use govtwin_model::replay::simulate;
 use govtwin_model::solver::Method;
 use govtwin_model::twin::{Cut, Twin};
-use govtwin_model::units::seconds_from_nanos;
 
 /// Rows on each side from which the wandering of a command is estimated.
 const AROUND: usize = 25;
@@ -112,12 +109,8 @@ fn wander(frames: &mut [Frame], rows: &[usize], draws: &mut Draws) {
 
 /// A twin with noise in its regulator's readings.
 fn noisy(unit: &Unit, recording: &Recording, seed: u64) -> Twin {
-    let mut plant = Plant::new(&unit.parameters);
-    effects::apply(unit, &mut plant);
-    let [begin_ns, end_ns] =
-        [recording.frames.first(), recording.frames.last()].map(|one| one.map_or(0, |one| one.time_ns));
     let random = RandomStreams { seed, process: recording.process };
-    hear(&mut plant, &unit.sensors, &random, seconds_from_nanos(end_ns - begin_ns));
+    let plant = hearing(unit, &random, recording.duration_s());
     Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default())
 }
 
