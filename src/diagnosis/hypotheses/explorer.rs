@@ -276,6 +276,26 @@ impl<'a> Explorer<'a> {
         (0..model.effects.len()).map(of).filter(is_open).map(|proposal| (model, proposal)).collect()
     }
 
+    /// Proposals of a set from where one that it holds stands: its further effects at nothing, and as large as in its own fit.
+    pub(super) fn widened<'b>(
+        &self,
+        set: &Hypothesis,
+        within: &'b Hypothesis,
+    ) -> impl Iterator<Item = (&'b FittedModel, Proposal)> + use<'b> {
+        let stand = |model: &FittedModel| Proposal {
+            effects: Vec::new(),
+            removed: Vec::new(),
+            log_evidence: 0.0,
+            change: DVector::zeros(model.free_parameters.len()),
+        };
+        let mut further = self.members(&set.model, &stand(&set.model));
+        further.retain(|(effect, _)| !within.effects.contains(effect));
+        let nothing = further.iter().map(|&(effect, _)| (effect, Variant { size: 0.0, further: 0.0 })).collect();
+        let within = &within.model;
+        let begun = stand(within);
+        [nothing, further].map(|effects| (within, Proposal { effects, ..begun.clone() })).into_iter()
+    }
+
     /// Fits hypotheses on with care.
     pub(super) fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
         let starts: Vec<Start<'_, FreeParameter>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();

@@ -2,10 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use crate::hypotheses::MOST;
 use crate::hypotheses::explorer::{Explorer, Hypothesis, is_stage_alone, leaders};
+use crate::hypotheses::linearisation::Proposal;
+use crate::model::FittedModel;
 
 /// Leading sets that are compared with what they hold.
 const COMPARED: usize = 3;
+
+/// By so much a set may cost more than one that it holds before it is fitted anew: less says nothing.
+const UNTOLD: f64 = 1.0;
 
 /// Fitted sets so far, by their effects.
 #[derive(Default)]
@@ -15,7 +21,7 @@ pub(super) struct KnownSets {
 
 impl KnownSets {
     pub(super) fn take(&mut self, hypothesis: Hypothesis) {
-        let better = |known: &Hypothesis| hypothesis.log_evidence > known.log_evidence;
+        let better = |known: &Hypothesis| hypothesis.model.cost() < known.model.cost();
         if self.fitted.get(&hypothesis.effects).is_none_or(better) {
             self.fitted.insert(hypothesis.effects.clone(), hypothesis);
         }
@@ -32,22 +38,45 @@ impl KnownSets {
         all
     }
 
-    /// Fits with care what leads, or would lead if its fit had ended, and was not yet.
+    /// The cheapest set that a set holds, where it costs less than the set itself.
+    fn cheaper_within(&self, set: &Hypothesis) -> Option<&Hypothesis> {
+        let is_within = |one: &&Hypothesis| {
+            one.effects.len() < set.effects.len() && one.effects.iter().all(|effect| set.effects.contains(effect))
+        };
+        let least = self.fitted.values().filter(is_within).min_by(|a, b| a.model.cost().total_cmp(&b.model.cost()))?;
+        (least.model.cost() + UNTOLD < set.model.cost()).then_some(least)
+    }
+
+    /// Fits sets that cost more than one which they hold anew, from where that one stands, its further effects at nothing and as they were: from nothing a
+    /// fit ends no higher than it began. Smaller sets come first, since larger ones begin there.
+    fn begin_anew_within(&mut self, explorer: &Explorer<'_>) {
+        for size in 1..=MOST {
+            let dear = self.fitted.values().filter(|one| one.effects.len() == size);
+            let pairs: Vec<(&Hypothesis, &Hypothesis)> =
+                dear.filter_map(|one| Some((one, self.cheaper_within(one)?))).collect();
+            let jobs: Vec<(&FittedModel, Proposal)> =
+                pairs.iter().flat_map(|(set, within)| explorer.widened(set, within)).collect();
+            for hypothesis in explorer.scouted(&jobs) {
+                self.take(hypothesis);
+            }
+        }
+    }
+
+    /// Fits with care what leads, or would lead if its fit had ended, and was not yet. No set costs more than one that it holds.
     pub(super) fn refine(&mut self, explorer: &Explorer<'_>) {
+        self.begin_anew_within(explorer);
         let promise = |one: &Hypothesis| one.log_evidence + if one.refined { 0.0 } else { one.normal.unfinished() };
         let mut promising: Vec<(f64, &Hypothesis)> = self.fitted.values().map(|one| (promise(one), one)).collect();
         promising.sort_by(|a, b| b.0.total_cmp(&a.0));
-        // Single effects are few: before nothing leads, each has had a whole fit. So has each of a stage alone, where all are alike. One that costs
-        // more than nothing, which it holds, has not reached the best size, however little its slopes promise.
+        // Single effects are few: before nothing leads, each has had a whole fit. So has each of a stage alone, where all are alike.
         let nothing_leads = self.ordered().first().is_some_and(|leader| leader.effects.is_empty());
         let singles = nothing_leads || is_stage_alone(explorer.problem);
-        let without = self.fitted.get(&Vec::new()).map_or(f64::INFINITY, |nothing| nothing.model.fit.cost());
-        let is_unfinished = |one: &Hypothesis| one.effects.len() == 1 && (singles || one.model.fit.cost() > without);
+        let is_single = |one: &Hypothesis| singles && one.effects.len() == 1;
         let chosen: Vec<Hypothesis> = promising
             .into_iter()
             .map(|(_, one)| one)
             .enumerate()
-            .filter(|(place, one)| *place < leaders(explorer.problem) || is_unfinished(one))
+            .filter(|(place, one)| *place < leaders(explorer.problem) || is_single(one))
             .map(|(_, one)| one)
             .filter(|leader| !leader.refined)
             .cloned()
@@ -62,6 +91,7 @@ impl KnownSets {
         let within: Vec<Hypothesis> =
             self.fitted.values().filter(is_within).filter(|one| !one.refined).cloned().collect();
         self.settle(explorer.refined(&within));
+        self.begin_anew_within(explorer);
         // Slopes and residuals are nearly all of the memory.
         let mut order: Vec<(f64, Vec<usize>)> =
             self.fitted.values().map(|known| (known.log_evidence, known.effects.clone())).collect();
