@@ -130,7 +130,7 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
     // Two competing hypotheses, as likely as each other.
     let row = |id: &str| table.rows.iter().position(|row| row.effects == [id]).unwrap();
     let [one, other] = ["supply_loss", "load"].map(row);
-    let of = |sets: Vec<(usize, f64)>| Posterior { sets, unknown: Vec::new() };
+    let of = |sets: Vec<(usize, f64)>| Posterior { sets, ..Posterior::default() };
     let open = of(vec![(one, 0.5), (other, 0.5)]);
     let decision = Decision::new(&table, &open, &catalogue());
     let left = survivors(&found, &table, &open, &decision);

@@ -27,8 +27,10 @@ pub struct Decision {
     pub blamed: Vec<&'static str>,
     /// Probability of each effect of the catalogue, in its order.
     pub effects: Vec<(&'static EffectSpec, f64)>,
-    /// Probability of something outside the catalogue.
+    /// Probability of something outside the catalogue instead of a known set.
     pub unknown: f64,
+    /// Probability of something else at work, beside a known set or instead of it.
+    pub something_else: f64,
     /// The same by stage.
     pub unknown_at: Vec<(Stage, f64)>,
     /// Probability that there is nothing.
@@ -74,6 +76,7 @@ impl Decision {
             blamed,
             effects,
             unknown,
+            something_else: posterior.something_else.max(unknown),
             unknown_at: Stage::ALL.into_iter().map(unknown_at).collect(),
             none,
             sets,
@@ -94,9 +97,11 @@ impl Decision {
             let before = self.unknown.max(1e-12);
             self.unknown = 1.0 - (1.0 - self.unknown) * share;
             let grown = self.unknown / before;
+            self.something_else = self.something_else.max(self.unknown);
             self.unknown_at.iter_mut().for_each(|(_, p)| *p *= grown);
         } else {
             self.unknown *= share;
+            self.something_else *= share;
             self.unknown_at.iter_mut().for_each(|(_, p)| *p *= share);
             self.none = 1.0 - (1.0 - self.none) * share;
         }
@@ -151,6 +156,7 @@ mod tests {
         let posterior = Posterior {
             sets: sets.iter().enumerate().map(|(row, (_, p))| (row, *p)).collect(),
             unknown: vec![("spool".to_owned(), 1.0 - known)],
+            ..Posterior::default()
         };
         let catalogue: Vec<&'static EffectSpec> =
             ["backlash", "port_overlap", "load"].iter().filter_map(|id| find(id)).collect();

@@ -151,7 +151,8 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         gap: gaps(problem, &delivered, &refitted, &with_effects),
         explained_fraction: whole,
         explained_fraction_widened_by: widening,
-        remainder: has_gap.then(|| remainder(problem, explored, (nearest, &with_nearest), explained)),
+        remainder: has_gap
+            .then(|| remainder(problem, explored, (nearest, &with_nearest), (explained, decision.something_else))),
         experiments: next.experiments,
         entropy_bits: next.entropy_bits,
         refitted: refitted_model.unit(),

@@ -316,7 +316,12 @@ pub fn remains(diagnosis: &Diagnosis) -> Option<String> {
     });
     let places: Vec<String> = stage.into_iter().chain(largest).collect();
     let places = if places.is_empty() { String::new() } else { format!(": {}", places.join("; ")) };
-    Some(format!("{} of the error beyond noise remains{places}.", percent(one.share)))
+    let as_well = if one.something_else > 0.5 && !diagnosis.blamed.is_empty() {
+        format!(" Something else is at work as well, with {}.", percent(one.something_else))
+    } else {
+        String::new()
+    };
+    Some(format!("{} of the error beyond noise remains{places}.{as_well}", percent(one.share)))
 }
 
 /// A text with a capital letter.

@@ -24,7 +24,9 @@ pub struct Hyperparameters {
     pub equation_error: f64,
     /// Error of the laws of effects: what they leave as a share of what the effects explain, half of the time.
     pub law_error: f64,
-    /// Spread of both between plants: the scale of a logistic distribution of their logarithm.
+    /// Error of data sheets: squares of their tolerances by which the parameters are off, half of the time.
+    pub sheet_error: f64,
+    /// Spread of all three between plants: the scale of a logistic distribution of their logarithm.
     pub error_spread: f64,
     /// Relative error of the size of an effect that comes of its law: one standard deviation.
     pub size_spread: f64,
@@ -39,7 +41,7 @@ pub struct Hyperparameters {
 
 impl Hyperparameters {
     /// How many are learned by log score; the rest by counting.
-    pub const LEARNED: usize = 6;
+    pub const LEARNED: usize = 7;
 
     /// Those that come with the program.
     #[must_use]
@@ -56,6 +58,7 @@ impl Hyperparameters {
             further_share: 0.02,
             equation_error: 1.5,
             law_error: 0.7,
+            sheet_error: 4.0,
             error_spread: 0.4,
             size_spread: 0.1,
             explained_fraction_widening: 1.0,
@@ -67,13 +70,14 @@ impl Hyperparameters {
     /// The learned ones moved by so much along their logarithms, within what they may be.
     #[must_use]
     pub fn moved(&self, by: &[f64; Self::LEARNED]) -> Self {
-        let [tempering, rarity, further_share, equation_error, law_error, error_spread] = by.map(f64::exp);
+        let [tempering, rarity, further_share, equation_error, law_error, sheet_error, error_spread] = by.map(f64::exp);
         Self {
             tempering: (self.tempering * tempering).min(1.0),
             rarity: self.rarity * rarity,
             further_share: (self.further_share * further_share).min(MOST_FURTHER_SHARE),
             equation_error: self.equation_error * equation_error,
             law_error: self.law_error * law_error,
+            sheet_error: self.sheet_error * sheet_error,
             error_spread: self.error_spread * error_spread,
             ..self.clone()
         }
@@ -81,14 +85,15 @@ impl Hyperparameters {
 
     /// All of them by name.
     #[must_use]
-    pub fn named(&self) -> [(&'static str, f64); 9] {
+    pub fn named(&self) -> [(&'static str, f64); 10] {
         [
             ("share of the independent samples that counts", self.tempering),
             ("logarithm of the odds against each effect", self.rarity),
             ("share of what is explained that each further effect must gain", self.further_share),
             ("what equations leave, in squares of the noise", self.equation_error),
             ("what laws of effects leave, as a share of what they explain", self.law_error),
-            ("spread of both between plants", self.error_spread),
+            ("what data sheets are off, in squares of their tolerances", self.sheet_error),
+            ("spread of all three between plants", self.error_spread),
             ("relative error of sizes", self.size_spread),
             ("widening of the interval of the explained fraction", self.explained_fraction_widening),
             ("the same without a data sheet", self.explained_fraction_widening_assumed_sheet),

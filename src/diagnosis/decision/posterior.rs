@@ -4,8 +4,9 @@
 //! is left (Jeffreys's prior; Student's t of all residuals together): what counts is the factor by which a set lowers χ², whatever the noise. What the
 //! laws of effects get wrong is left by the right set too, so no set is better for leaving less than that.
 //!
-//! Whether something unknown is at work rests on what each set fails to explain, beside what it explains. The numbers that this takes stand in
-//! [`super::hyperparameters`]; nothing else is learned. A lower χ² of a set never lowers its probability.
+//! Whether something else is at work rests on what each set leaves, beside what it explains. It is at work beside a set that explains most of the gap, and
+//! instead of one that does not. The numbers that this takes stand in [`super::hyperparameters`]; nothing else is learned. A lower χ² of a set never
+//! lowers its probability.
 
 use std::collections::BTreeMap;
 
@@ -23,9 +24,6 @@ const ANYWHERE: f64 = 0.05;
 const LEADERS: usize = 2;
 const LEAST_LEADER: f64 = 0.05;
 
-/// How far sheets are wrong, in squares of their tolerances: twice as far as they say.
-const SHEET_ERROR: f64 = 4.0;
-
 /// Numbers over which what a set of a stage alone leaves beyond a right model is spread: errors of equations hold for a movement, not for a sample.
 const FREEDOM: f64 = 30.0;
 
@@ -39,12 +37,16 @@ const LEAST_SQUARE: f64 = 1e-12;
 const LEAST_COST: f64 = 1e-6;
 
 /// Probabilities of the hypotheses of a table.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Posterior {
-    /// Probability of each fitted set, by its row of the table; the sheet alone is one of them.
+    /// Probability of each fitted set, by its row of the table, whether it is all that is at work or something else as well; the sheet alone is one of them.
     pub sets: Vec<(usize, f64)>,
-    /// Probability of something unknown, by stage.
+    /// Probability of something unknown instead of them, by stage.
     pub unknown: Vec<(String, f64)>,
+    /// Probability of each set that it is all that is at work, by its row.
+    pub complete: Vec<(usize, f64)>,
+    /// Probability of something else at work, beside a set or instead of it.
+    pub something_else: f64,
 }
 
 /// A fault set as the posterior sees it.
@@ -53,8 +55,17 @@ struct Weighed {
     row: usize,
     /// Its probability if it is known that nothing else is at work.
     share: f64,
-    /// Probability that something unknown is at work as well, or instead.
+    /// Probability that something else is at work as well, or instead.
     unexplained: f64,
+    /// Probability that it is at work instead, if it is.
+    instead: f64,
+}
+
+impl Weighed {
+    /// Probability of something unknown instead of the set, if the set is the likeliest known.
+    fn unknown(&self) -> f64 {
+        self.unexplained * self.instead
+    }
 }
 
 impl Posterior {
@@ -62,12 +73,16 @@ impl Posterior {
     #[must_use]
     pub fn new(table: &EvidenceTable, numbers: &Hyperparameters, struck: &[&str]) -> Self {
         let all = weighed(table, numbers, struck);
-        let unknown: f64 = all.iter().map(|one| one.share * one.unexplained).sum();
-        let mut sets: Vec<(usize, f64)> =
-            all.iter().map(|one| (one.row, one.share * (1.0 - one.unexplained))).collect();
+        let unknown: f64 = all.iter().map(|one| one.share * one.unknown()).sum();
+        let mut sets: Vec<(usize, f64)> = all.iter().map(|one| (one.row, one.share * (1.0 - one.unknown()))).collect();
         sets.sort_by(|a, b| b.1.total_cmp(&a.1));
         let stages = stages(table, numbers, &all);
-        Self { sets, unknown: stages.into_iter().map(|(stage, share)| (stage, share * unknown)).collect() }
+        Self {
+            sets,
+            unknown: stages.into_iter().map(|(stage, share)| (stage, share * unknown)).collect(),
+            complete: all.iter().map(|one| (one.row, one.share * (1.0 - one.unexplained))).collect(),
+            something_else: all.iter().map(|one| one.share * one.unexplained).sum(),
+        }
     }
 
     /// Probability that an effect is present: the sum over the sets that hold it.
@@ -103,6 +118,7 @@ fn weighed(table: &EvidenceTable, numbers: &Hyperparameters, struck: &[&str]) ->
         row,
         share: (score - total).exp(),
         unexplained: unexplained(table, numbers, fitted, gap(fitted)),
+        instead: gap(fitted).instead(table.samples.max(1.0), numbers.error_spread),
     };
     rows.iter().zip(&scores).map(one).filter(|one| one.share.is_finite()).collect()
 }
@@ -121,6 +137,13 @@ impl Gap {
         let empty = table.rows.iter().find(|row| row.effects.is_empty()).map_or(row.cost, |row| row.cost);
         let left = row.cost.max(LEAST_COST * table.samples.max(1.0));
         Self { explained: if empty.is_finite() { (empty - left).max(0.0) } else { 0.0 }, left }
+    }
+
+    /// Probability that something unknown acts instead of the set, where something else is at work: a half where the set explains half of the gap
+    /// beyond noise, less where it explains more.
+    fn instead(self, samples: f64, spread: f64) -> f64 {
+        let beyond = (self.left - SOUND_MEAN_SQUARE * samples).max(0.0);
+        if self.explained <= 0.0 { 1.0 } else { 1.0 / (1.0 + (self.explained / beyond).powf(1.0 / spread)) }
     }
 }
 
@@ -155,7 +178,7 @@ fn left_out(table: &EvidenceTable, stage: &StageEvidence, row: &EvidenceRow) -> 
     -0.5 * stage.pieces as f64 * row.left_out_square.unwrap_or(most).max(LEAST_SQUARE).ln()
 }
 
-/// Probability that something unknown is at work, or something else as well, where a set leaves so much.
+/// Probability that something else is at work, beside a set or instead of it, where the set leaves so much.
 ///
 /// What it leaves beyond noise is held against what equations and the laws of its effects get wrong, of the whole chain and of each part of it on its
 /// own, since the loop hides what a cut shows; a sheet that is far off counts as well. A stage alone shows its equations as they are; whether something unknown
@@ -171,7 +194,7 @@ fn unexplained(table: &EvidenceTable, numbers: &Hyperparameters, row: &EvidenceR
     let whole = (gap.left / samples - SOUND_MEAN_SQUARE, gap.explained / samples);
     let beyond = |(left, explained): (f64, f64)| left / (numbers.equation_error + numbers.law_error * explained);
     // A sheet is stretched by whatever its parameters have to stand in for.
-    let stretched = (row.prior_per_parameter - 1.0) / SHEET_ERROR;
+    let stretched = (row.prior_per_parameter - 1.0) / numbers.sheet_error;
     let most = std::iter::once(whole).chain(of_parts).map(beyond).fold(stretched, f64::max);
     if most <= 0.0 { 0.0 } else { 1.0 / (1.0 + most.powf(-1.0 / numbers.error_spread)) }
 }
@@ -205,6 +228,12 @@ pub fn leaders(table: &EvidenceTable, numbers: &Hyperparameters) -> Vec<usize> {
     all.retain(|one| one.share > LEAST_LEADER && !table.rows[one.row].effects.is_empty());
     all.sort_by(|a, b| b.share.total_cmp(&a.share));
     all.into_iter().take(LEADERS).map(|one| one.row).collect()
+}
+
+/// Row of the set that leads by the evidence and the odds against its effects, whatever else is at work; none of an empty table.
+#[must_use]
+pub fn likeliest(table: &EvidenceTable, numbers: &Hyperparameters) -> Option<usize> {
+    weighed(table, numbers, &[]).into_iter().max_by(|a, b| a.share.total_cmp(&b.share)).map(|one| one.row)
 }
 
 /// What nats of evidence count for between two sets near the best one: the slope of the score along χ², which the scale of the noise divides.

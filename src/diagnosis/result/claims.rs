@@ -102,7 +102,7 @@ pub struct SignalGap {
 }
 
 /// A test that is expected to take something off the posterior's entropy.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Experiment {
     /// The two hypotheses that it tells apart most: ids of effects joined by `+`, `none`, or `unknown:STAGE`.
     pub separates: Vec<String>,

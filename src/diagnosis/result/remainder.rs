@@ -17,6 +17,9 @@ pub struct Remainder {
     /// Share of the gap that remains, 0 to 1.
     #[serde(deserialize_with = "figure")]
     pub share: f64,
+    /// Probability that something else is at work, beside these effects or instead of them; 0 in reports of older programs.
+    #[serde(default)]
+    pub something_else: f64,
     /// χ² that remains for each independent sample: 1 for a right twin, 1 to 3 where nothing but equations are a little wrong.
     #[serde(rename = "chi_square_per_sample", deserialize_with = "figure")]
     pub chi_square: f64,

@@ -17,13 +17,13 @@ const STRETCH_S: f64 = 2.0;
 /// Nats by which something at a stage must explain more than errors of equations everywhere.
 const LEAST_GAIN: f64 = 5.0;
 
-/// What a model leaves that explains such a share; `estimates` are its own, by recording.
+/// What a model leaves that explains such a share, with the probability of something else; `estimates` are its own, by recording.
 #[must_use]
 pub fn remainder(
     problem: &Problem,
     explored: &Explored,
     (model, estimates): (&FittedModel, &[Vec<Estimate>]),
-    explained: Interval,
+    (explained, something_else): (Interval, f64),
 ) -> Remainder {
     let residuals = model.fit.cost() - model.fit.prior;
     let normal = explored.hypotheses.iter().find(|one| one.model.ids() == model.ids()).map(|one| &one.normal);
@@ -31,6 +31,7 @@ pub fn remainder(
         beside: model.ids().into_iter().map(str::to_owned).collect(),
         explained,
         share: (1.0 - explained.value).clamp(0.0, 1.0),
+        something_else,
         chi_square: residuals / problem.independent_samples().max(1.0),
         stage: normal.filter(|_| !is_stage_alone(problem)).and_then(stage),
         largest: largest(problem, estimates),

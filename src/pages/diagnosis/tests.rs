@@ -80,6 +80,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             beside: vec!["backlash".into()],
             explained: explained_fraction,
             share: 0.12,
+            something_else: 0.2,
             chi_square: 2.5,
             stage: Some(Stage::Supply),
             largest: Some(LargestError {

@@ -51,6 +51,9 @@ proptest! {
         let sum = posterior.sets.iter().map(|(_, p)| p).sum::<f64>() + posterior.unknown();
         prop_assert!((sum - 1.0).abs() < 1e-9, "{sum}");
         prop_assert!(posterior.sets.iter().all(|(_, p)| (0.0..=1.0 + 1e-9).contains(p)));
+        let complete: f64 = posterior.complete.iter().map(|(_, p)| p).sum();
+        prop_assert!((complete + posterior.something_else - 1.0).abs() < 1e-9, "{complete}");
+        prop_assert!(posterior.unknown() <= posterior.something_else + 1e-9);
     }
 
     /// A better fit of a set never makes it less probable.
@@ -157,12 +160,12 @@ fn pieces_left_out_count() {
     assert!(of(2e-5) > 10.0 * of(1e-6), "{} {}", of(1e-6), of(2e-5));
 }
 
-/// What fits as well with a sheet far off is doubted, the more the farther; a sheet within its tolerances is not.
+/// What fits as well with a sheet far off is not all, the more the farther; a sheet within its tolerances is.
 #[test]
 fn a_stretched_sheet_is_doubted() {
     let of = |strain: f64| {
         let named = EvidenceRow { prior_per_parameter: strain, ..row(&["backlash"], 1600.0) };
-        shipped(&table(1600.0, vec![named, row(&[], 9000.0)])).unknown()
+        shipped(&table(1600.0, vec![named, row(&[], 9000.0)])).something_else
     };
     assert!(
         of(1.0) < 0.01 && of(1.0) < of(3.0) && of(3.0) < of(13.0) && of(13.0) > 0.8,
@@ -171,6 +174,21 @@ fn a_stretched_sheet_is_doubted() {
         of(3.0),
         of(13.0)
     );
+}
+
+/// Where something else is at work, a set that explains most of the gap is a cause beside it, one that explains little is not, and nothing is no cause.
+#[test]
+fn something_else_acts_beside_what_explains_most() {
+    let of = |cost: f64| {
+        let named = EvidenceRow { prior_per_parameter: 12.0, ..row(&["backlash"], cost) };
+        shipped(&table(1600.0, vec![named, row(&[], 21_500.0)]))
+    };
+    let [most, half, little] = [4500.0, 11_500.0, 18_000.0].map(of);
+    assert!(most.something_else > 0.8 && most.unknown() < 0.05, "{most:?}");
+    assert!((0.3..0.6).contains(&half.unknown()), "{half:?}");
+    assert!(little.unknown() > 0.8, "{little:?}");
+    let nothing = shipped(&table(1600.0, vec![row(&[], 21_500.0)]));
+    assert!((nothing.unknown() - nothing.something_else).abs() < 1e-12 && nothing.unknown() > 0.9, "{nothing:?}");
 }
 
 #[test]
