@@ -15,7 +15,7 @@ use govtwin_model::signal::Signal;
 use govtwin_model::twin::Twin;
 
 fn case(kind: CaseKind, seed: u64) -> Case {
-    Case { name: "case".into(), kind, rate_hz: 100.0, rich: false, seed, alone: None }
+    Case { name: "case".into(), kind, rate_hz: 100.0, rich: false, mismatch: 1.0, seed, alone: None }
 }
 
 /// RMS error of a signal by a twin.
@@ -103,7 +103,7 @@ fn the_ratio_follows_the_readings_of_which_the_regulator_takes_the_mean() {
     let unit = params::reference();
     let ratio_of = |seed: u64| {
         let kind = CaseKind::Sound;
-        let case = Case { name: "sound".into(), kind, rate_hz: 100.0, rich: false, seed, alone: None };
+        let case = Case { name: "sound".into(), kind, rate_hz: 100.0, rich: false, mismatch: 1.0, seed, alone: None };
         let recordings = make(&unit, &case).recordings().into_iter().map(PreparedRecording::new).collect();
         let problem = Problem::new(recordings, &unit, &expected(&unit.sensors));
         heard(problem, &unit).loop_noise_ratio()

@@ -204,6 +204,28 @@ fn a_battery_is_made_once_and_answered_as_it_was_committed_to() {
     assert!(!at("other").exists(), "nothing is made for a folder of reports that is not its own");
 }
 
+/// Units of mismatch 0 are the twin itself, and say so; a second verdict counts as the answer to the proposed test.
+#[test]
+fn twins_are_told_apart_and_answers_to_tests_are_scored() {
+    let root = tempfile::tempdir().unwrap();
+    let (dir, out) = (root.path().join("battery"), root.path().join("out"));
+    for (folder, said) in [("case_001", report("unknown", &[])), ("case_001/next_test", report("no_gap", &[]))] {
+        fs::create_dir_all(out.join(folder)).unwrap();
+        fs::write(out.join(folder).join("report.json"), said).unwrap();
+    }
+    let folders = [dir.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    let of_twins = ["--generate", "1", "--rate", "100", "--mismatch", "0", "--next-test", "--unchecked"];
+    let (code, words) = blind(&[&folders[..], &of_twins].concat());
+    assert!(code == Some(0) && words.contains("Next tests: 1 units were tested"), "{words}");
+    let score: Value = serde_json::from_str(&fs::read_to_string(out.join("score.json")).unwrap()).unwrap();
+    assert_eq!((score["next_tests"]["units"].as_u64(), score["next_tests"]["open"].as_u64()), (Some(1), Some(1)));
+    assert_eq!(score["by_mismatch"]["mismatch 0"]["scored"].as_u64(), Some(1));
+    assert!(fs::read_to_string(out.join("score.html")).unwrap().contains("those of mismatch 0 are the twin itself"));
+    assert!(fs::read_to_string(dir.join("answers/labels.yaml")).unwrap().contains("mismatch: 0"));
+    let (code, words) = blind(&[&folders[..], &["--generate", "1", "--rate", "100", "--unchecked"]].concat());
+    assert!(code == Some(1) && words.contains("mismatch"), "{words}");
+}
+
 #[test]
 fn a_battery_in_parts_is_the_battery_as_a_whole() {
     let root = tempfile::tempdir().unwrap();

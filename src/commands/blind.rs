@@ -4,6 +4,7 @@ mod battery;
 mod cases;
 mod expected;
 mod method;
+mod next_test;
 mod scoring;
 mod shard;
 
@@ -65,11 +66,21 @@ pub struct Args {
     /// `both` is 5 Hz for a third of the units and 100 Hz for the others. Of a list one rate is drawn for each unit.
     #[arg(long, value_name = "HZ,...", default_value = "both", value_parser = rates)]
     rate: BatteryRates,
+    /// Structural mismatch between generated plants and the twin, as multiples of the usual one: 0, or 0.5 to 5.
+    ///
+    /// Of a list one is drawn for each unit. At 0 the plant is the twin itself, which shows what the recordings allow at best.
+    #[arg(long, value_name = "LEVEL,...", default_value = "1", value_parser = mismatch, value_delimiter = ',')]
+    mismatch: Vec<f64>,
     /// Generate servomotor stages alone: recordings of spool and servomotor only.
     ///
     /// They are diagnosed with the data sheet of --params, or without a sheet.
-    #[arg(long, requires = "generate", conflicts_with_all = ["rate", "baselines", "baselines_only"])]
+    #[arg(long, requires = "generate", conflicts_with_all = ["rate", "mismatch", "baselines", "baselines_only"])]
     stages_alone: bool,
+    /// Run the test that each report proposes on the unit's plant, and diagnose again with its answer.
+    ///
+    /// Only where the verdict leaves something open. The score says how often the verdict becomes right, and the bits promised and gained.
+    #[arg(long, requires = "generate", conflicts_with_all = ["stages_alone", "baselines_only"])]
+    next_test: bool,
     /// Also diagnose with the baseline methods.
     #[arg(long)]
     baselines: bool,
@@ -129,6 +140,12 @@ fn rates(text: &str) -> Result<BatteryRates, String> {
     })
 }
 
+/// A structural mismatch as it is written in a command.
+fn mismatch(text: &str) -> Result<f64, String> {
+    let level = text.trim().parse().ok().filter(|level| *level == 0.0 || (0.5..=5.0).contains(level));
+    level.ok_or_else(|| "expected 0, or a multiple of the usual mismatch from 0.5 to 5".to_owned())
+}
+
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let sheet = match &args.params {
@@ -149,7 +166,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             let kind = if args.stages_alone {
                 BatteryOf::Stages { with_sheet: args.params.is_some() }
             } else {
-                BatteryOf::Chains(args.rate.clone())
+                BatteryOf::Chains { rates: args.rate.clone(), mismatches: args.mismatch.clone() }
             };
             Some(battery::make((&args.dir, out), unit, count, (args.seed, &kind), args.shard.unwrap_or_default())?)
         }
@@ -178,8 +195,17 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         judged.map_err(|error| format!("{}: {error:#}", case.name))
     });
     let mut failed: Vec<String> = judged.filter_map(Result::err).collect();
-    failed.sort();
     drop(progress);
+    if let Some(made) = made.as_ref().filter(|_| args.next_test) {
+        let progress = Progress::new(cases.len(), "next tests");
+        let tried = cases.iter().par_bridge().map(|case| {
+            let tried = next_test::run(case, made, &judged_by, threads, out);
+            progress.step();
+            tried.map_err(|error| format!("{}: next test: {error:#}", case.name))
+        });
+        failed.extend(tried.filter_map(Result::err).collect::<Vec<_>>());
+    }
+    failed.sort();
     warn_of(&failed);
     let labels = match (&made, &args.labels) {
         // A part opens no answers: the others may still be judged.
@@ -209,7 +235,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         failed.extend(unexamined);
         realised
     });
-    let origin = if made.is_some() { Some(battery::ORIGIN.to_owned()) } else { origin::of(&args.dir) };
+    let origin =
+        if made.is_some() { made.as_ref().map(|made| made.origin().to_owned()) } else { origin::of(&args.dir) };
     let mut made_from = provenance::new("blind", &sheet, made.is_some().then_some(args.seed))?;
     made_from.unit = args.dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     made_from.recordings = expected.inputs(origin.as_deref());
@@ -254,7 +281,15 @@ fn outcome(failed: &[String]) -> Outcome {
 mod tests {
     use govtwin_lab::battery::plan::BatteryRates;
 
-    use super::rates;
+    use super::{mismatch, rates};
+
+    #[test]
+    fn mismatches_are_none_or_such_as_the_plant_can_step() {
+        assert_eq!(["0", "0.5", " 3", "5"].map(mismatch), [Ok(0.0), Ok(0.5), Ok(3.0), Ok(5.0)]);
+        for refused in ["", "-1", "0.1", "6", "nan", "1,2"] {
+            assert!(mismatch(refused).unwrap_err().contains("from 0.5 to 5"), "{refused}");
+        }
+    }
 
     #[test]
     fn rates_are_both_or_a_list_whose_periods_the_plant_can_step() {

@@ -39,11 +39,11 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-The posterior of the diagnosis has six global numbers that say how far equations and noise may be
+The posterior of the diagnosis has seven global numbers that say how far equations and noise may be
 trusted, and three that say how wide intervals are. This command reads the evidence tables in
 DIR/UNIT/report.json and the answers in DIR/answers/labels.yaml, and fits the numbers by log score.
 It scores them on units that were not used in learning: with several folders each is scored with
-the numbers of the others; one folder is cut into five parts.
+the numbers of the others. One folder is cut by the mismatch of its plants, or into five parts.
 
 For comparison, the same units are scored with
   as shipped       the shipped numbers; too favourable if they were learned on these folders
@@ -110,20 +110,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let _claim = claim_place("--out", &args.out)?;
     let batteries = args.dirs.iter().map(|dir| read(dir)).collect::<anyhow::Result<Vec<_>>>()?;
     let shipped = Hyperparameters::shipped();
-    let parts: Vec<Vec<&JudgedUnit>> = match batteries.as_slice() {
-        [one] => (0..PARTS)
-            .map(|part| one.iter().skip(part).step_by(PARTS).collect::<Vec<_>>())
-            .filter(|part| !part.is_empty())
-            .collect(),
-        several => several.iter().map(|units| units.iter().collect()).collect(),
-    };
+    let (names, parts) = parted(&args.dirs, &batteries);
     let of = |units: &Vec<&JudgedUnit>| -> Vec<Example> {
         units.iter().flat_map(|unit| examples(&unit.label, &unit.report.evidence.table)).collect()
     };
     let all: Vec<Vec<Example>> = parts.iter().map(of).collect();
     let learned = learn(&all);
     let mut scores = Vec::new();
-    let mut by_folder = Vec::new();
+    let mut by_part = Vec::new();
     for (name, numbers_of) in VARIANTS {
         let mut cases = Vec::new();
         for (part, units) in parts.iter().enumerate() {
@@ -137,8 +131,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                 NumbersOf::Shipped => shipped.clone(),
             };
             let judged: Vec<ScoredUnit> = units.iter().map(|unit| unit.rejudged(&numbers)).collect();
-            if numbers_of == NumbersOf::Others && batteries.len() > 1 {
-                by_folder.push((folder(&args.dirs[part]), log_score(&all[part], &numbers), score(&judged)));
+            if let Some(name) = names.get(part).filter(|_| numbers_of == NumbersOf::Others) {
+                by_part.push((name.clone(), log_score(&all[part], &numbers), score(&judged)));
             }
             cases.extend(judged);
         }
@@ -179,9 +173,29 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     lines += &told("On held-out units", &scores);
     lines += &bins(&scores);
-    lines += &told("By folder, each with the numbers of the others", &by_folder);
+    lines += &told("By folder or mismatch, each with the numbers of the others", &by_part);
     print(if args.json { &text } else { &lines })?;
     Ok(Outcome::Ok)
+}
+
+/// The units in parts that are each judged by what the others taught, with the names of the parts where they have any: folders, the mismatches of one
+/// folder, or every fifth unit.
+fn parted<'a>(dirs: &[PathBuf], batteries: &'a [Vec<JudgedUnit>]) -> (Vec<String>, Vec<Vec<&'a JudgedUnit>>) {
+    let [one] = batteries else {
+        return (
+            dirs.iter().map(|dir| folder(dir)).collect(),
+            batteries.iter().map(|units| units.iter().collect()).collect(),
+        );
+    };
+    let mut levels: Vec<f64> = one.iter().map(|unit| unit.label.mismatch).filter(|level| level.is_finite()).collect();
+    levels.sort_by(f64::total_cmp);
+    levels.dedup();
+    if levels.len() > 1 {
+        let of = |level: &f64| one.iter().filter(|unit| unit.label.mismatch == *level).collect();
+        return (levels.iter().map(|level| format!("mismatch {level}")).collect(), levels.iter().map(of).collect());
+    }
+    let fifth = |part: usize| one.iter().skip(part).step_by(PARTS).collect::<Vec<_>>();
+    (Vec::new(), (0..PARTS).map(fifth).filter(|part| !part.is_empty()).collect())
 }
 
 /// The numbers with those that are counted on these units; what they do not show stays as shipped.

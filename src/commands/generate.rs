@@ -207,7 +207,7 @@ fn record(scenario: &Scenario, start: Option<Timestamp>, dir: &Path) -> anyhow::
             start_ns.with_context(|| format!("--start: expected a time from 1970 to 2262, found {start}"))?;
         streams = streams.later(start_ns - generate::EPOCH_NS);
     }
-    let sealed = write(COMMAND, scenario.process, scenario.seed, &streams, dir)?;
+    let sealed = write((COMMAND, govtwin_bag::TWIN), scenario.process, scenario.seed, &streams, dir)?;
     let rows = streams.servo_state.len();
     Ok((sealed, format!("{}: {rows} rows of servo state at {} Hz", dir.display(), scenario.rate_hz)))
 }
@@ -220,19 +220,25 @@ enum BagMessage {
     ServoState(msg::ServoState),
 }
 
-/// Writes the messages of a process as a bag folder under a temporary name; it says that it is synthetic, and which command's
-/// simulator made it.
+/// Writes the messages of a process as a bag folder under a temporary name; it says that it is synthetic, by which command, and whose equations it
+/// follows.
 pub fn write(
-    command: &str,
+    (command, simulator): (&str, &str),
     process: Process,
     seed: u64,
     streams: &GeneratedStreams,
     dir: &Path,
 ) -> anyhow::Result<Sealed> {
-    put(command, process, seed, streams, dir).with_context(|| format!("cannot write {}", dir.display()))
+    put((command, simulator), process, seed, streams, dir).with_context(|| format!("cannot write {}", dir.display()))
 }
 
-fn put(by: &str, process: Process, seed: u64, streams: &GeneratedStreams, dir: &Path) -> anyhow::Result<Sealed> {
+fn put(
+    (by, simulator): (&str, &str),
+    process: Process,
+    seed: u64,
+    streams: &GeneratedStreams,
+    dir: &Path,
+) -> anyhow::Result<Sealed> {
     let mut bag = Writer::create(dir, WriterOptions::default())?;
     let topics = Topics::default();
     let command = bag.topic(&topics.command, Qos::DEFAULT)?;
@@ -242,7 +248,7 @@ fn put(by: &str, process: Process, seed: u64, streams: &GeneratedStreams, dir: &
     let about = [
         ("synthetic", "true".to_owned()),
         ("generator", format!("govtwin {} {by}", env!("CARGO_PKG_VERSION"))),
-        (govtwin_bag::SIMULATOR, if by == COMMAND { govtwin_bag::TWIN } else { "independent of the twin" }.to_owned()),
+        (govtwin_bag::SIMULATOR, simulator.to_owned()),
         ("process", process.id().to_owned()),
         ("note", "simulated, not measured; for trying benches and diagnoses".to_owned()),
     ];

@@ -19,8 +19,9 @@ use crate::battery::draws::{Draw, Question};
 use crate::battery::faults::{Faults, STRANGERS};
 use crate::battery::mismatch::Mismatch;
 use crate::battery::test_rig::TestRig;
-use govtwin_diagnosis::generate::spread;
 use govtwin_diagnosis::generate::streams::GeneratedStreams;
+use govtwin_diagnosis::generate::{Scenario, spread, streams as twin_streams};
+use govtwin_diagnosis::result::Experiment;
 use govtwin_model::effects::scaling::UnitSize;
 use govtwin_model::effects::{Stage, find};
 use govtwin_model::frame::{Inputs, Signals};
@@ -38,6 +39,8 @@ const SIZES: (f64, f64) = (0.5, 2.5);
 const READINGS: (f64, f64) = (3.0, 12.0);
 /// Added to a seed for another course of the same plant.
 const ANOTHER_DAY: u64 = 0x5eed_0dd5;
+/// The same for the day of a proposed test.
+const DAY_OF_TEST: u64 = 0x7e57_da75;
 /// What a right twin may miss of a signal, in the order of [`Signal::ALL`]: transducers, and chatter of the spool.
 const FLOORS: [f64; 4] = [1.6e-4, 5.0e-3, 7.0e-2, 1.3e4];
 
@@ -95,6 +98,9 @@ pub struct Case {
     pub rate_hz: f64,
     /// Whether the pilot signals are recorded.
     pub rich: bool,
+    /// How far the plant's structure is from the twin's, as a multiple of the usual mismatch; at 0 the plant is the twin itself, effects included, which shows
+    /// what the recordings allow.
+    pub mismatch: f64,
     /// Decides all else.
     pub seed: u64,
     /// Of a servomotor stage alone, whether it is diagnosed with a data sheet; none of a whole chain.
@@ -137,6 +143,8 @@ pub struct Label {
     pub strength_ratio: f64,
     /// Rate of the recordings, Hz; NaN if it is not known.
     pub rate_hz: f64,
+    /// Structural mismatch of the plant, as a multiple of the usual one; NaN if it is not known.
+    pub mismatch: f64,
 }
 
 /// A case as made: four recordings by stream, and the label.
@@ -164,8 +172,20 @@ pub fn make(unit: &Unit, case: &Case) -> Made {
         return Made { streams, label: stage::label(unit, case) };
     }
     let (bench, effects) = bench(unit, case);
-    let streams = Process::ALL.into_iter().map(|process| (process, bench.record(process).0)).collect();
-    Made { streams, label: unmeasured(case, effects) }
+    Made { streams: streams(unit, case, &bench, &effects), label: unmeasured(case, effects) }
+}
+
+/// Streams of all processes of a plant.
+fn streams(unit: &Unit, case: &Case, bench: &TestRig, effects: &[TrueFault]) -> Vec<(Process, GeneratedStreams)> {
+    let of = |process: Process| {
+        let twin = (case.mismatch == 0.0).then(|| in_the_twins_keys(unit, bench, effects)).flatten();
+        let streams = twin.map(|unit| {
+            let (rate_hz, duration_s) = (case.rate_hz, bench.ticks as f64 * 1e-3);
+            twin_streams(&Scenario { unit, process, rate_hz, duration_s, rich: case.rich, seed: bench.seed })
+        });
+        (process, streams.unwrap_or_else(|| bench.record(process).0))
+    };
+    Process::ALL.into_iter().map(of).collect()
 }
 
 /// The label of a case, without its strength.
@@ -188,6 +208,11 @@ pub fn true_values(unit: &Unit, case: &Case) -> Option<Unit> {
     if !unmeasured(case, effects.clone()).listed {
         return None;
     }
+    in_the_twins_keys(unit, &bench, &effects)
+}
+
+/// A plant's parameters and faults as the twin has them; none where it has no equation for a fault.
+fn in_the_twins_keys(unit: &Unit, bench: &TestRig, effects: &[TrueFault]) -> Option<Unit> {
     let setting = |fault: &TrueFault| {
         find(&fault.id).map(|spec| EffectSetting { id: fault.id.clone(), values: spec.completed(&[fault.size]) })
     };
@@ -211,15 +236,39 @@ pub fn strength(unit: &Unit, case: &Case) -> f64 {
 
 fn unmeasured(case: &Case, effects: Vec<TrueFault>) -> Label {
     let listed = matches!(case.kind, CaseKind::Sound | CaseKind::Single(_) | CaseKind::Pair(..) | CaseKind::Triple(..));
-    Label { name: case.name.clone(), effects, listed, strength_ratio: f64::NAN, rate_hz: case.rate_hz }
+    Label {
+        name: case.name.clone(),
+        effects,
+        listed,
+        strength_ratio: f64::NAN,
+        rate_hz: case.rate_hz,
+        mismatch: case.mismatch,
+    }
 }
 
 /// Streams of the same plant on another day, by the same recorder: what no diagnosis has seen.
 #[must_use]
 pub fn fresh_recordings(unit: &Unit, case: &Case) -> Vec<(Process, GeneratedStreams)> {
-    let (bench, _) = bench(unit, case);
+    let (bench, effects) = bench(unit, case);
     let another = TestRig { seed: case.seed.wrapping_add(ANOTHER_DAY), ..bench };
-    Process::ALL.into_iter().map(|process| (process, another.record(process).0)).collect()
+    streams(unit, case, &another, &effects)
+}
+
+/// What a recorder would have of a case's plant under a proposed test; none of a stage alone, and where the plant is the twin itself.
+#[must_use]
+pub fn answer(unit: &Unit, case: &Case, proposed: &Experiment) -> Option<GeneratedStreams> {
+    let test = proposed.script.filter(|_| case.alone.is_none() && case.mismatch > 0.0)?;
+    let (bench, _) = bench(unit, case);
+    #[expect(clippy::cast_possible_truncation, reason = "ticks of a test and between its rows")]
+    let ticks = |seconds: f64| (1000.0 * seconds).round().max(1.0) as i64;
+    let bench = TestRig {
+        rich: case.rich || proposed.records.contains(&Signal::ControlPressure),
+        row_ticks: ticks(1.0 / proposed.rate_hz),
+        ticks: ticks(test.length_s),
+        seed: case.seed.wrapping_add(DAY_OF_TEST),
+        ..bench
+    };
+    Some(bench.answer(&test))
 }
 
 /// The plant of a case on its bench, and what is in it.
@@ -245,6 +294,7 @@ fn bench(unit: &Unit, case: &Case) -> (TestRig, Vec<TrueFault>) {
         odd: Mismatch::draw(
             &parameters,
             &UnitSize::new(&sound.parameters),
+            case.mismatch,
             &mut Draw::new(case.seed, Question::Mismatch, 0),
         ),
         readings: readings(case.seed),
@@ -315,6 +365,7 @@ mod tests {
 
     use super::*;
     use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
+    use govtwin_diagnosis::result::test_script::{CommandShape, TestScript};
     use govtwin_model::twin::Twin;
 
     /// On a unit of another size faults are as many times as large as the unit is, and the plant runs as on the reference unit.
@@ -349,7 +400,7 @@ mod tests {
         let mut unit = govtwin_diagnosis::sheet::derive(&plate, &govtwin_model::params::reference()).unwrap().unit;
         // Wide tolerances of a plate are no spread of units.
         unit.tolerances.iter_mut().for_each(|tolerance| *tolerance = None);
-        for case in plan::plan(6, 4, &plan::BatteryRates::OneOf(vec![100.0])) {
+        for case in plan::plan(6, 4, &plan::BatteryRates::OneOf(vec![100.0]), &[1.0]) {
             for (process, streams) in make(&unit, &case).streams {
                 let rows = &streams.servo_state;
                 assert!(rows.len() > 1000, "{}, {process:?}: {} rows", case.name, rows.len());
@@ -357,6 +408,49 @@ mod tests {
                 let out = rows.iter().find(|(_, signals)| !(-0.05..=1.05).contains(&position(signals)));
                 assert!(out.is_none(), "{}, {process:?}: {out:?} of {} rows", case.name, rows.len());
             }
+        }
+    }
+
+    /// The plant answers a proposed test from its first opening on; the twin itself, and a stage alone, answer none.
+    #[test]
+    fn a_plant_answers_a_proposed_test() {
+        let sheet = govtwin_model::params::reference();
+        let script = TestScript { start_pu: 0.4, shape: CommandShape::Step { by_pu: 0.1 }, length_s: 12.0 };
+        let proposed = Experiment {
+            records: vec![Signal::ControlPressure],
+            rate_hz: 50.0,
+            script: Some(script),
+            ..Experiment::default()
+        };
+        let kind = CaseKind::Single("load".to_owned());
+        let case = Case { name: String::new(), kind, rate_hz: 100.0, rich: false, mismatch: 1.0, seed: 4, alone: None };
+        let streams = answer(&sheet, &case, &proposed).unwrap();
+        let (rows, last) = (&streams.servo_state, streams.servo_state.len() - 1);
+        assert_eq!(rows.len(), 601);
+        let at = |row: usize| rows[row].1.servomotor_position_pu;
+        assert!((at(0) - 0.4).abs() < 0.02 && (at(390) - 0.5).abs() < 0.02 && (at(last) - 0.4).abs() < 0.02);
+        assert!(rows.iter().all(|(_, signals)| signals.control_pressure_pa.is_finite()));
+        let silent = [Case { mismatch: 0.0, ..case.clone() }, Case { alone: Some(true), ..case }];
+        assert!(silent.iter().all(|case| answer(&sheet, case, &proposed).is_none()));
+    }
+
+    /// Where the plant is the twin itself it has the twin's equations: with its true values the twin leaves the transducers' noise alone.
+    #[test]
+    fn at_no_mismatch_the_plant_is_the_twin() {
+        let sheet = govtwin_model::params::reference();
+        let kind = CaseKind::Single("servo_leak".to_owned());
+        let case = Case { name: String::new(), kind, rate_hz: 100.0, rich: false, mismatch: 0.0, seed: 4, alone: None };
+        let truth = true_values(&sheet, &case).unwrap();
+        assert_eq!(truth.effects.len(), 1);
+        for recording in make(&sheet, &case).recordings() {
+            let recording = PreparedRecording::new(recording);
+            let estimates = recording.run(&mut Twin::new(&truth));
+            let square = estimates.iter().zip(&recording.samples).map(|(estimate, &row)| {
+                (recording.frames[row].measured.servomotor_position_pu - estimate.signals.servomotor_position_pu)
+                    .powi(2)
+            });
+            let rms = (square.sum::<f64>() / estimates.len() as f64).sqrt();
+            assert!(rms < 2.0 * truth.sensors.servomotor_position_pu.noise, "{}: {rms}", recording.name);
         }
     }
 
@@ -386,7 +480,8 @@ mod tests {
         ];
         shown_by.par_iter().for_each(|&(id, process)| {
             let kind = CaseKind::Single(id.to_owned());
-            let case = Case { name: String::new(), kind, rate_hz: 100.0, rich: false, seed: 21, alone: None };
+            let case =
+                Case { name: String::new(), kind, rate_hz: 100.0, rich: false, mismatch: 1.0, seed: 21, alone: None };
             let (bench, effects) = bench(&unit, &case);
             let recording = PreparedRecording::new(Recording::new(id, bench.record(process).0.rows()));
             let residual = |effects: Vec<EffectSetting>| {

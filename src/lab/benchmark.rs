@@ -5,6 +5,7 @@
 
 pub mod isolability;
 pub mod learn;
+pub mod next_test;
 pub mod page;
 pub mod rejudge;
 pub mod score;

@@ -34,7 +34,7 @@ fn wrong(place: &str, expected: &'static str, found: Option<&Node>) -> LabelsErr
     LabelsError::Shape { place: place.to_owned(), expected, found }
 }
 
-/// Reads labels by case; `strength` and `rate_hz` may be absent.
+/// Reads labels by case; `strength`, `rate_hz` and `mismatch` may be absent.
 ///
 /// # Errors
 /// When the text is not YAML, or a case is not as the practice labels have it.
@@ -61,8 +61,8 @@ fn label(name: &str, node: &Node) -> Result<Label, LabelsError> {
         Some(Node::Number(number)) => *number,
         _ => f64::NAN,
     };
-    let (strength_ratio, rate_hz) = (number("strength"), number("rate_hz"));
-    Ok(Label { name: name.to_owned(), effects, listed, strength_ratio, rate_hz })
+    let (strength_ratio, rate_hz, mismatch) = (number("strength"), number("rate_hz"), number("mismatch"));
+    Ok(Label { name: name.to_owned(), effects, listed, strength_ratio, rate_hz, mismatch })
 }
 
 fn truth(name: &str, node: &Node) -> Result<TrueFault, LabelsError> {
@@ -101,6 +101,9 @@ pub fn write(labels: &[Label]) -> String {
         }
         if label.rate_hz.is_finite() {
             text += &format!("  rate_hz: {}\n", label.rate_hz);
+        }
+        if label.mismatch.is_finite() {
+            text += &format!("  mismatch: {}\n", label.mismatch);
         }
         text += if label.effects.is_empty() { "  effects: []\n" } else { "  effects:\n" };
         for truth in &label.effects {
@@ -156,6 +159,7 @@ mod tests {
             listed,
             strength_ratio,
             rate_hz: 5.0,
+            mismatch: 2.0,
         };
         let labels = vec![
             of("case_01", vec![], true, 0.0),

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin_bag::Topics;
+use govtwin_diagnosis::result::Experiment;
 use govtwin_files::digest::sha256;
 use govtwin_files::{Claim, read_text, write_new};
 use govtwin_lab::battery::plan::{BatteryRates, plan};
@@ -36,9 +37,13 @@ const DRAWN: &str = "drawn.sha256";
 /// Whose simulator makes the bags, as they say of themselves.
 const GENERATOR: &str = "blind --generate";
 
-/// Where they come from, as pages say.
-pub const ORIGIN: &str =
+/// Where units come from, as pages say.
+const ORIGIN: &str =
     "All units are synthetic: made by a simulator that shares the data sheet with the twin, but not its equations.";
+
+/// The same where some of them are the twin itself.
+const ORIGIN_WITH_TWINS: &str = "All units are synthetic: those of mismatch 0 are the twin itself, the others were made by a simulator that shares the \
+                                 data sheet with the twin, but not its equations.";
 
 /// A battery that was made; its labels are in no file yet.
 #[derive(Debug)]
@@ -59,8 +64,13 @@ pub struct Battery {
 /// What the units of a battery are.
 #[derive(Clone, Debug)]
 pub enum BatteryOf {
-    /// Whole chains, at these rates.
-    Chains(BatteryRates),
+    /// Whole chains.
+    Chains {
+        /// Rates of their recordings.
+        rates: BatteryRates,
+        /// Structural mismatches of the plants.
+        mismatches: Vec<f64>,
+    },
     /// Servomotor stages alone, with the data sheet or without.
     Stages {
         /// Whether they are judged by it.
@@ -77,7 +87,8 @@ pub fn make(
     shard: Shard,
 ) -> anyhow::Result<Battery> {
     let drawn = match kind {
-        BatteryOf::Chains(rates) => format!("{rates:?}"),
+        BatteryOf::Chains { rates, mismatches } if *mismatches == [1.0] => format!("{rates:?}"),
+        BatteryOf::Chains { rates, mismatches } => format!("{rates:?}, mismatch {mismatches:?}"),
         BatteryOf::Stages { with_sheet } => format!("stages alone, {with_sheet}"),
     };
     let key = sha256(format!("seed {seed}, {drawn}, data sheet {}", params::unit_digest(unit)));
@@ -96,7 +107,7 @@ pub fn make(
         }
     }
     let all = match kind {
-        BatteryOf::Chains(rates) => plan(count, seed, rates),
+        BatteryOf::Chains { rates, mismatches } => plan(count, seed, rates, mismatches),
         BatteryOf::Stages { with_sheet } => battery::stage::plan(count, seed, *with_sheet),
     };
     let labels: Vec<Label> = all.iter().map(|case| battery::label(unit, case)).collect();
@@ -108,7 +119,7 @@ pub fn make(
             let _unit = Claim::folder(&dir.join(&case.name))?;
             for (process, streams) in battery::make(unit, case).streams {
                 if lacking(process) {
-                    generate::write(GENERATOR, process, case.seed, &streams, &bag(dir, case, process))?.place()?;
+                    generate::write(made_by(case), process, case.seed, &streams, &bag(dir, case, process))?.place()?;
                 }
             }
         }
@@ -143,12 +154,17 @@ fn check_claim(folder: &Path, drawn: &Path, key: &str) -> anyhow::Result<()> {
     };
     if there.trim() != key {
         bail!(
-            "{} is of a battery of another seed, rate or data sheet ({}); expected --seed, --rate and --params as before, or a folder of its own",
+            "{} is of a battery of another seed, rate, mismatch or data sheet ({}); expected --seed, --rate, --mismatch and --params as before, or a folder of its own",
             folder.display(),
             drawn.display()
         );
     }
     Ok(())
+}
+
+/// Which command and whose equations make a case's bags.
+fn made_by(case: &Plan) -> (&'static str, &'static str) {
+    (GENERATOR, if case.mismatch == 0.0 { govtwin_bag::TWIN } else { "independent of the twin" })
 }
 
 fn bag(dir: &Path, case: &Plan, process: Process) -> PathBuf {
@@ -195,6 +211,20 @@ impl Battery {
             }
         }
         Ok(())
+    }
+
+    /// Where its units come from, as pages say.
+    pub fn origin(&self) -> &'static str {
+        if self.labels.iter().any(|label| label.mismatch == 0.0) { ORIGIN_WITH_TWINS } else { ORIGIN }
+    }
+
+    /// The bag that a recorder would have of a unit's plant under a proposed test; none where its plant cannot be tried.
+    pub fn answer(&self, name: &str, proposed: &Experiment, dir: &Path) -> anyhow::Result<Option<PathBuf>> {
+        let Some(plan) = self.plans.iter().find(|plan| plan.name == name) else { return Ok(None) };
+        let Some(streams) = battery::answer(&self.sheet, plan, proposed) else { return Ok(None) };
+        let bag = dir.join("next_test");
+        generate::write(made_by(plan), Process::LoadIncrease, plan.seed, &streams, &bag)?.place()?;
+        Ok(Some(bag))
     }
 
     /// Writes the answers, now that nobody diagnoses any more, measures the strengths that are not known, and hands all out.
@@ -257,7 +287,7 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
     }
     let bags = tempfile::tempdir().context("no temporary folder for its recordings")?;
     for (process, streams) in battery::fresh_recordings(sheet, plan) {
-        generate::write(GENERATOR, process, plan.seed, &streams, &bags.path().join(process.id()))?.place()?;
+        generate::write(made_by(plan), process, plan.seed, &streams, &bags.path().join(process.id()))?.place()?;
     }
     let fresh = bags::read(&[bags.path().to_owned()], &Topics::default(), sheet)?;
     Ok(validation::explained_fraction(fresh.recordings, &refitted, &improved))
@@ -271,9 +301,8 @@ mod tests {
     fn what_opens_the_answers_is_gone_before_a_diagnosis() {
         let (dir, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let unit = params::reference();
-        let battery =
-            make((dir.path(), out.path()), &unit, 0, (3, &BatteryOf::Chains(BatteryRates::Both)), Shard::default())
-                .unwrap();
+        let kind = BatteryOf::Chains { rates: BatteryRates::Both, mismatches: vec![1.0] };
+        let battery = make((dir.path(), out.path()), &unit, 0, (3, &kind), Shard::default()).unwrap();
         let opened = [dir.path().join(LABELS), dir.path().join(STRENGTHS), out.path().join("score.html")];
         for file in &opened {
             std::fs::write(file, "").unwrap();

@@ -14,6 +14,7 @@ use govtwin_model::params::Sheet;
 
 use super::cases::UnitFolder;
 use super::expected::ExpectedDigests;
+use super::next_test;
 use crate::commands::output::write_atomically;
 use crate::commands::parent;
 use crate::commands::report_file::{self, is_there};
@@ -81,7 +82,10 @@ pub fn judge(
             continue;
         }
         match method {
-            JudgingMethod::Diagnosis => diagnose(case, judged_by, threads, &out.join(&case.name))?,
+            JudgingMethod::Diagnosis => {
+                next_test::forget(out, &case.name)?;
+                diagnose(case, None, judged_by, threads, &out.join(&case.name))?;
+            }
             JudgingMethod::Baseline(baseline) => {
                 if ground.get().is_none() {
                     let made = Ground::new(case.recordings(&sheet.unit)?, &sheet.unit, &case.catalogue());
@@ -98,8 +102,14 @@ pub fn judge(
     Ok(())
 }
 
-/// Runs `govtwin diagnose` on the bags of a unit. Units are judged side by side; figures do not depend on the threads.
-fn diagnose(case: &UnitFolder, judged_by: &[OsString], threads: usize, out: &Path) -> anyhow::Result<()> {
+/// Runs `govtwin diagnose` on the bags of a unit, and on one more. Units are judged side by side; figures do not depend on the threads.
+pub fn diagnose(
+    case: &UnitFolder,
+    further: Option<&Path>,
+    judged_by: &[OsString],
+    threads: usize,
+    out: &Path,
+) -> anyhow::Result<()> {
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let mut command = Command::new(program);
     command.env("RAYON_NUM_THREADS", threads.to_string()).arg("diagnose").arg("--overwrite").arg("--out").arg(out);
@@ -111,7 +121,7 @@ fn diagnose(case: &UnitFolder, judged_by: &[OsString], threads: usize, out: &Pat
     if let Some(true_values) = &case.true_values {
         command.arg("--true-values").arg(true_values);
     }
-    command.args(case.topics.arguments()).args(case.bags()?.into_iter().map(|bag| bag.path));
+    command.args(case.topics.arguments()).args(case.bags()?.into_iter().map(|bag| bag.path)).args(further);
     let ended = command.stdin(Stdio::null()).output().context("cannot start the diagnosis")?;
     if !matches!(ended.status.code(), Some(0 | 3)) {
         let words = String::from_utf8_lossy(&ended.stderr);

@@ -9,6 +9,7 @@ use govtwin_diagnosis::result::Blame;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_lab::battery::Label;
 use govtwin_lab::benchmark::isolability::{self, Sized};
+use govtwin_lab::benchmark::next_test::NextTestScore;
 use govtwin_lab::benchmark::page::{self, measures_table};
 use govtwin_lab::benchmark::score::{Misses, Score, ScoredMeasure, score};
 use govtwin_lab::benchmark::scored::{MissedBy, ScoredUnit};
@@ -26,6 +27,7 @@ use serde_json::{Value, json};
 use super::cases::UnitFolder;
 use super::expected::ExpectedDigests;
 use super::method::JudgingMethod;
+use super::next_test;
 use crate::commands::output::{Output, Progress, print, table_text};
 
 pub use crate::commands::report_file::LARGEST_BYTES;
@@ -85,6 +87,18 @@ pub fn verdicts_json(verdicts: &[MethodVerdict]) -> Value {
     json!({"schema": "govtwin-verdicts/1", "verdicts": verdicts.iter().map(one).collect::<Vec<_>>()})
 }
 
+/// Scores of the units that share a figure of their labels, the largest figure first.
+fn parts(cases: &[ScoredUnit], figure: impl Fn(&Label) -> f64, name: impl Fn(f64) -> String) -> Vec<page::MethodScore> {
+    let mut figures: Vec<f64> = cases.iter().map(|case| figure(&case.label)).filter(|one| one.is_finite()).collect();
+    figures.sort_by(|one, other| other.total_cmp(one));
+    figures.dedup();
+    let part = |of: f64| {
+        let own: Vec<ScoredUnit> = cases.iter().filter(|case| figure(&case.label) == of).cloned().collect();
+        page::MethodScore { name: name(of), score: score(&own) }
+    };
+    figures.into_iter().map(part).collect()
+}
+
 /// Scores all methods, prints the table, writes `score.json` and `score.html`; hands out what could not be scored, each with its reason.
 pub fn score_all(
     labels: &[Label],
@@ -122,26 +136,28 @@ pub fn score_all(
             first = cases;
         }
     }
-    let mut parts: Vec<page::MethodScore> = Vec::new();
-    let mut rates_hz: Vec<f64> =
-        first.iter().map(|case| case.label.rate_hz).filter(|rate_hz| rate_hz.is_finite()).collect();
-    rates_hz.sort_by(|one, other| other.total_cmp(one));
-    rates_hz.dedup();
-    for rate_hz in rates_hz {
-        let own: Vec<ScoredUnit> = first.iter().filter(|case| case.label.rate_hz == rate_hz).cloned().collect();
-        parts.push(page::MethodScore { name: format!("{rate_hz} Hz"), score: score(&own) });
+    let by_rate = parts(&first, |label| label.rate_hz, |rate_hz| format!("{rate_hz} Hz"));
+    let by_mismatch = parts(&first, |label| label.mismatch, |level| format!("mismatch {level}"));
+    let mut tested = Vec::new();
+    for before in &first {
+        if let Some(report) = next_test::report(out, &before.label.name)? {
+            tested.push((before.clone(), ScoredUnit { report, expected_log_bayes_factor: None, ..before.clone() }));
+        }
     }
+    let tests = NextTestScore::new(&tested);
     if !as_json {
         let words = page::misses_in_words(&first).map(|words| format!("{words}\n\n")).unwrap_or_default();
         let (cases, measures) = (table_text(&page::cases_table(&first)), table_text(&measures_table(&scores)));
         let regret = scores.first().and_then(|method| page::regret_in_words(&method.score.regret));
         let regret = regret.map(|words| format!("\n{words}\n")).unwrap_or_default();
-        print(&format!("{cases}\n{words}{measures}{regret}"))?;
+        let tests = tests.in_words().map(|words| format!("\n{words}\n")).unwrap_or_default();
+        print(&format!("{cases}\n{words}{measures}{regret}{tests}"))?;
     }
     let all: serde_json::Map<String, Value> =
         scores.iter().map(|method| (method.name.clone(), score_json(&method.score))).collect();
-    let rates: serde_json::Map<String, Value> =
-        parts.iter().map(|part| (part.name.clone(), score_json(&part.score))).collect();
+    let json_of = |parts: &[page::MethodScore]| -> serde_json::Map<String, Value> {
+        parts.iter().map(|part| (part.name.clone(), score_json(&part.score))).collect()
+    };
     let misses: serde_json::Map<String, Value> = first
         .iter()
         .filter(|case| case.missed())
@@ -160,14 +176,19 @@ pub fn score_all(
         "units": labels.len(),
         "scored": first.len(),
         "methods": all,
-        "by_rate": rates,
+        "by_rate": json_of(&by_rate),
+        "by_mismatch": json_of(&by_mismatch),
+        "next_tests": (tests.units > 0).then(|| json!(tests)),
         "closures": validations,
         "strengths": strengths,
         "misses": misses,
         "provenance": made,
     });
     let subtitle = format!("{}, {} of {} units", made.unit, first.len(), labels.len());
-    let mut page = page::page(&scores, &first, &parts, &subtitle, made.origins().first().copied())?;
+    // All at one mismatch are the first column again.
+    let parts: Vec<page::MethodScore> =
+        by_rate.into_iter().chain(by_mismatch.into_iter().filter(|part| part.score.units < first.len())).collect();
+    let mut page = page::page(&scores, &first, (&parts, &tests), &subtitle, made.origins().first().copied())?;
     let mut inner = PageBody::new();
     inner.facts(made.facts());
     page.body.details("What these figures were made from", inner);

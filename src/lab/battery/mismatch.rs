@@ -33,33 +33,35 @@ pub struct Mismatch {
 }
 
 impl Mismatch {
-    /// Draws them for a unit of this size; the stops yield by the unit's parameters.
+    /// Draws them for a unit of this size, `level` times as far from the nominal structure as usual; the stops yield by the unit's parameters.
+    ///
+    /// One seed draws the same deviations at every level.
     #[must_use]
-    pub fn draw(p: &Parameters, size: &UnitSize, draw: &mut Draw) -> Self {
+    pub fn draw(p: &Parameters, size: &UnitSize, level: f64, draw: &mut Draw) -> Self {
         // Lines of the same length in time: what they hold back goes with pressure over flow, what they hold with the inverse.
-        let line_inertance = draw.between(5e4, 1.2e5) / Scaling::MainLeak.factor(size);
+        let line_inertance = level * draw.between(5e4, 1.2e5) / Scaling::MainLeak.factor(size);
         let node_volume_m3 = draw.between(0.04, 0.08) * Scaling::MainLeak.factor(size);
         let spool_stop_m_n = 1e-9 * size.spool_stroke_ratio / size.spool_force_ratio;
         let piston_stop_m_n = 3e-11 / size.servomotor_force_ratio;
         let wave = (line_inertance * p.oil.bulk_modulus_pa / node_volume_m3).sqrt();
         Self {
-            overlap_shares: std::array::from_fn(|_| 1.0 + 0.02 * draw.normal()),
-            edge_radius_m: draw.between(4e-6, 1e-5) * size.spool_stroke_ratio,
+            overlap_shares: std::array::from_fn(|_| 1.0 + 0.02 * level * draw.normal()),
+            edge_radius_m: level * draw.between(4e-6, 1e-5) * size.spool_stroke_ratio,
             line_inertance,
             node_volume_m3,
             node_resistance_pa_s_m3: draw.between(0.6, 1.0) * wave,
-            pilot_curvature_ratio: 0.01 * draw.normal(),
-            filling_gain: 1.0 + 0.005 * draw.normal(),
-            draining_gain: 1.0 + 0.005 * draw.normal(),
-            esv_travel_s: draw.between(1.5e-3, 3e-3),
-            spool_friction_n: draw.between(3.0, 15.0) * size.spool_force_ratio,
-            piston_bend_m: draw.between(3e-5, 8e-5),
-            flow_force_ratio: draw.between(0.0, 0.05),
-            load_ripple_ratio: 0.01 * draw.normal(),
+            pilot_curvature_ratio: 0.01 * level * draw.normal(),
+            filling_gain: 1.0 + 0.005 * level * draw.normal(),
+            draining_gain: 1.0 + 0.005 * level * draw.normal(),
+            esv_travel_s: level * draw.between(1.5e-3, 3e-3),
+            spool_friction_n: level * draw.between(3.0, 15.0) * size.spool_force_ratio,
+            piston_bend_m: level * draw.between(3e-5, 8e-5),
+            flow_force_ratio: level * draw.between(0.0, 0.05),
+            load_ripple_ratio: 0.01 * level * draw.normal(),
             spool_stop_n_m: 1.0 / p.distributing_valve.stop_compliance_m_n.max(spool_stop_m_n),
             piston_stop_n_m: 1.0 / p.servomotor.stop_compliance_m_n.max(piston_stop_m_n),
-            lvdt_lag_s: draw.between(1e-4, 3e-4),
-            feedback_lag_s: draw.between(1e-4, 3e-4),
+            lvdt_lag_s: level * draw.between(1e-4, 3e-4),
+            feedback_lag_s: level * draw.between(1e-4, 3e-4),
             size: *size,
         }
     }

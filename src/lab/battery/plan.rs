@@ -66,13 +66,15 @@ const PATTERN: [Slot; 24] = [
 
 /// The first `count` cases of a seed's battery; a longer battery begins with the shorter one.
 ///
-/// Each part goes through all effects before one comes again.
+/// Each part goes through all effects before one comes again. Each unit has one of the structural mismatches, drawn; what no catalogue lists has no
+/// equation in the twin: where the plant is the twin itself a listed effect that the catalogue will lack stands in its place.
 #[must_use]
-pub fn plan(count: usize, seed: u64, rates: &BatteryRates) -> Vec<Case> {
+pub fn plan(count: usize, seed: u64, rates: &BatteryRates, mismatches: &[f64]) -> Vec<Case> {
     let mut draw = Draw::new(seed, Question::Plan, 0);
     // Triples have a stream of their own, so that they leave the other kinds as they were.
     let mut of_triples = Draw::new(seed, Question::Plan, 1);
     let mut of_rates = Draw::new(seed, Question::Plan, 2);
+    let mut of_mismatches = Draw::new(seed, Question::Plan, 3);
     let ids: Vec<&'static str> = of_the_chain().map(|spec| spec.id).collect();
     let seconds = ids.clone();
     let strangers: Vec<&str> = STRANGERS.iter().map(|stranger| stranger.id).collect();
@@ -83,10 +85,12 @@ pub fn plan(count: usize, seed: u64, rates: &BatteryRates) -> Vec<Case> {
     let mut strangers = Deck::new(strangers, &mut draw);
     (0..count)
         .map(|place| {
+            let mismatch = mismatches.get(of_mismatches.below(mismatches.len())).copied().unwrap_or(1.0);
             let kind = match PATTERN[place % PATTERN.len()] {
                 Slot::Sound => CaseKind::Sound,
                 Slot::Single => CaseKind::Single(singles.next(&mut draw)),
                 Slot::LeftOut => CaseKind::LeftOut(left_out.next(&mut draw)),
+                Slot::Stranger if mismatch == 0.0 => CaseKind::LeftOut(left_out.next(&mut draw)),
                 Slot::Stranger => CaseKind::Stranger(strangers.next(&mut draw)),
                 Slot::Pair => {
                     let first = firsts.next(&mut draw);
@@ -109,7 +113,7 @@ pub fn plan(count: usize, seed: u64, rates: &BatteryRates) -> Vec<Case> {
                 BatteryRates::Both => 100.0,
                 BatteryRates::OneOf(rates_hz) => rates_hz[of_rates.below(rates_hz.len())],
             };
-            Case { name: format!("case_{:03}", place + 1), kind, rate_hz, rich, seed, alone: None }
+            Case { name: format!("case_{:03}", place + 1), kind, rate_hz, rich, mismatch, seed, alone: None }
         })
         .collect()
 }
@@ -153,7 +157,7 @@ mod tests {
     #[test]
     fn a_round_of_units_has_their_shares_of_each_kind() {
         let of = |kind: &str| {
-            plan(PATTERN.len(), 9, &BatteryRates::Both).iter().filter(|case| case.kind.id() == kind).count()
+            plan(PATTERN.len(), 9, &BatteryRates::Both, &[1.0]).iter().filter(|case| case.kind.id() == kind).count()
         };
         let shares = ["sound", "single", "pair", "triple", "stranger", "left_out"].map(of);
         assert_eq!(shares, [4, 10, 3, 1, 2, 4]);
@@ -161,9 +165,9 @@ mod tests {
 
     #[test]
     fn a_longer_battery_begins_with_the_shorter_and_covers_every_effect() {
-        let (short, long) = (plan(12, 7, &BatteryRates::Both), plan(200, 7, &BatteryRates::Both));
+        let (short, long) = (plan(12, 7, &BatteryRates::Both, &[1.0]), plan(200, 7, &BatteryRates::Both, &[1.0]));
         assert_eq!(short, long[..12]);
-        assert_ne!(short, plan(12, 8, &BatteryRates::Both));
+        assert_ne!(short, plan(12, 8, &BatteryRates::Both, &[1.0]));
         for spec in of_the_chain() {
             let single = |case: &&Case| matches!(&case.kind, CaseKind::Single(id) if id == spec.id);
             assert!(long.iter().filter(single).count() >= 2, "{}", spec.id);
@@ -189,13 +193,33 @@ mod tests {
         assert!(triples.len() == 8 && triples.iter().all(|case| case.kind.ids().len() == 3));
         let slow = long.iter().filter(|case| case.rate_hz == 5.0).count();
         assert!((40..100).contains(&slow), "{slow}");
-        assert!(plan(12, 7, &BatteryRates::OneOf(vec![5.0])).iter().all(|case| case.rate_hz == 5.0));
+        assert!(plan(12, 7, &BatteryRates::OneOf(vec![5.0]), &[1.0]).iter().all(|case| case.rate_hz == 5.0));
+    }
+
+    #[test]
+    fn mismatches_are_drawn_and_leave_the_units_as_they_are() {
+        let (usual, others) =
+            (plan(60, 7, &BatteryRates::Both, &[1.0]), plan(60, 7, &BatteryRates::Both, &[1.0, 2.0, 4.0]));
+        for mismatch in [1.0, 2.0, 4.0] {
+            let share = others.iter().filter(|case| case.mismatch == mismatch).count();
+            assert!((10..30).contains(&share), "{share} at {mismatch}");
+        }
+        for (one, other) in usual.iter().zip(&others) {
+            assert_eq!(
+                (&one.kind, one.seed, one.rich, one.rate_hz),
+                (&other.kind, other.seed, other.rich, other.rate_hz)
+            );
+        }
+        let twins = plan(60, 7, &BatteryRates::Both, &[0.0]);
+        assert!(twins.iter().all(|case| case.mismatch == 0.0 && case.kind.id() != "stranger"));
     }
 
     #[test]
     fn other_rates_are_drawn_and_leave_the_units_as_they_are() {
-        let (both, others) =
-            (plan(60, 7, &BatteryRates::Both), plan(60, 7, &BatteryRates::OneOf(vec![50.0, 20.0, 10.0])));
+        let (both, others) = (
+            plan(60, 7, &BatteryRates::Both, &[1.0]),
+            plan(60, 7, &BatteryRates::OneOf(vec![50.0, 20.0, 10.0]), &[1.0]),
+        );
         for rate_hz in [50.0, 20.0, 10.0] {
             let share = others.iter().filter(|case| case.rate_hz == rate_hz).count();
             assert!((10..30).contains(&share), "{share} at {rate_hz} Hz");

@@ -374,7 +374,7 @@ mod tests {
         ids.extend(of_the_chain().map(|spec| (spec.id, spec.parameters[0].typical)));
         let cases = ids.into_iter().map(|(id, size)| (id, size, 5)).chain((10..20).map(|seed| ("", 0.0, seed)));
         for (id, size, seed) in cases {
-            let odd = Mismatch::draw(p, &UnitSize::new(p), &mut Draw::new(seed, Question::Mismatch, 0));
+            let odd = Mismatch::draw(p, &UnitSize::new(p), 1.0, &mut Draw::new(seed, Question::Mismatch, 0));
             let mut faults = Faults::default();
             faults.add(id, size);
             let mut rigs = [STEPS, 8 * STEPS].map(|steps| (steps, Rig::new(p, &faults, &odd, 0.3)));

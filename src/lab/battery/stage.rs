@@ -93,6 +93,7 @@ pub fn plan(count: usize, seed: u64, with_sheet: bool) -> Vec<Case> {
                 kind,
                 rate_hz: 1e3 / period_ms as f64,
                 rich: false,
+                mismatch: 1.0,
                 seed: draw.seed(),
                 alone: Some(with_sheet),
             }

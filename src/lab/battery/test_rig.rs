@@ -12,6 +12,7 @@ use govtwin_diagnosis::generate::machine::Machine;
 use govtwin_diagnosis::generate::noise::{Purpose, RandomStreams, Transducer};
 use govtwin_diagnosis::generate::script::ProcessScript;
 use govtwin_diagnosis::generate::streams::GeneratedStreams;
+use govtwin_diagnosis::result::test_script::TestScript;
 use govtwin_model::frame::{EsvState, Inputs, Signals};
 use govtwin_model::parameters::{Parameters, Sensor, Sensors};
 use govtwin_model::recording::Process;
@@ -56,7 +57,7 @@ pub struct TestRig {
 enum RigInputs<'a> {
     /// From governor and machine, as in a recording.
     Loop(Box<(Governor, Machine)>),
-    /// From an earlier run, by command period.
+    /// From an earlier run or a script, by command period.
     Given(&'a [Inputs]),
 }
 
@@ -77,14 +78,24 @@ impl TestRig {
         let script = self.script(process);
         let governor = Governor::new(script, random.of(Purpose::Command));
         let machine = Machine::new(&self.parameters, &script, random.of(Purpose::Grid));
-        let run = self.run(process, RigInputs::Loop(Box::new((governor, machine))), &self.sensors);
+        let start_pu = script.initial_opening_pu;
+        let run = self.run(process, RigInputs::Loop(Box::new((governor, machine))), start_pu, &self.sensors);
         (run.streams, run.inputs)
+    }
+
+    /// Records what the plant does under a test, brought to its first opening before.
+    #[must_use]
+    pub fn answer(&self, test: &TestScript) -> GeneratedStreams {
+        let tank_pressure_pa = self.parameters.oil.tank_pressure_pa;
+        let inputs: Vec<Inputs> = test.frames(tank_pressure_pa).iter().map(|frame| frame.inputs).collect();
+        self.run(Process::LoadIncrease, RigInputs::Given(&inputs), test.start_pu, &self.sensors).streams
     }
 
     /// What the transducers would show without noise under given inputs, every 10 ms.
     #[must_use]
     pub fn readings(&self, process: Process, inputs: &[Inputs]) -> Vec<Signals> {
-        self.run(process, RigInputs::Given(inputs), &Sensors::default()).readings
+        let start_pu = self.script(process).initial_opening_pu;
+        self.run(process, RigInputs::Given(inputs), start_pu, &Sensors::default()).readings
     }
 
     fn script(&self, process: Process) -> ProcessScript {
@@ -92,10 +103,9 @@ impl TestRig {
     }
 
     #[expect(clippy::too_many_lines, reason = "one timetable of a tick, in its order")]
-    fn run(&self, process: Process, mut source: RigInputs<'_>, sensors: &Sensors) -> RigRun {
+    fn run(&self, process: Process, mut source: RigInputs<'_>, start_pu: f64, sensors: &Sensors) -> RigRun {
         let random = RandomStreams { seed: self.seed, process };
         let place = 1 + process as u64;
-        let start_pu = self.script(process).initial_opening_pu;
         let transducer = |sensor: Sensor, purpose| Transducer::new(sensor, random.of(purpose));
         let mut spool = transducer(sensors.spool_position_pu, Purpose::Spool);
         let mut servomotor = transducer(sensors.servomotor_position_pu, Purpose::Servomotor);

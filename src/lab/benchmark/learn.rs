@@ -1,7 +1,7 @@
 //! Learning the numbers of the posterior: by log score, on units whose faults are known.
 //!
-//! The log score of a unit is the logarithm of the probability that was given to what is truly in it: the very set of faults, nothing, or something
-//! unknown where the catalogue lacks it. It is proper (Gneiting & Raftery 2007): only honest probabilities do best. A listed effect struck from the table
+//! The log score of a unit is the logarithm of the probability that was given to what is truly in it: the very set of faults and nothing else, nothing, or
+//! something else where the catalogue lacks it. It is proper (Gneiting & Raftery 2007): only honest probabilities do best. A listed effect struck from the table
 //! is a unit outside the catalogue that costs no simulation.
 
 use crate::battery::Label;
@@ -80,13 +80,13 @@ impl Example {
     fn probability(&self, numbers: &Hyperparameters) -> f64 {
         let struck: Vec<&str> = self.struck.iter().map(String::as_str).collect();
         let posterior = Posterior::new(&self.table, numbers, &struck);
-        let TrueAnswer::Effects(ids) = &self.truth else { return posterior.unknown() };
+        let TrueAnswer::Effects(ids) = &self.truth else { return posterior.something_else };
         let is_truth = |row: usize| {
             let mut effects = self.table.rows[row].effects.clone();
             effects.sort();
             effects == *ids
         };
-        posterior.sets.iter().filter(|(row, _)| is_truth(*row)).map(|(_, p)| p).sum()
+        posterior.complete.iter().filter(|(row, _)| is_truth(*row)).map(|(_, p)| p).sum()
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod answers;
 
+use crate::benchmark::next_test::NextTestScore;
 use crate::benchmark::score::{Confusion, RegretScore, Score, ScoredMeasure};
 use crate::benchmark::scored::{MissedBy, SEEN, ScoredUnit};
 use crate::benchmark::scored_report::ScoredReport as _;
@@ -25,7 +26,7 @@ pub struct MethodScore {
     pub score: Score,
 }
 
-/// The page; `cases` are those of the first method, `parts` the scores of some of them, such as those of one rate, `origin` what is known of
+/// The page; `cases` are those of the first method, `parts` the scores of some of them, such as those of one rate, `tests` what next tests brought, `origin` what is known of
 /// where the units come from.
 ///
 /// # Errors
@@ -33,7 +34,7 @@ pub struct MethodScore {
 pub fn page(
     methods: &[MethodScore],
     cases: &[ScoredUnit],
-    parts: &[MethodScore],
+    (parts, tests): (&[MethodScore], &NextTestScore),
     subtitle: &str,
     origin: Option<&str>,
 ) -> Result<Page, DrawError> {
@@ -88,6 +89,10 @@ pub fn page(
         svg(&reliability_picture(methods))?,
         "Share of true statements against their stated probability. On the diagonal both are equal. Whiskers: 95 % intervals.",
     );
+    if let Some(words) = tests.in_words() {
+        body.heading("Next tests");
+        body.paragraph(words);
+    }
     if let Some(words) = regret_in_words(&first.score.regret) {
         body.heading("Regret of the search");
         body.paragraph(words);
@@ -98,8 +103,9 @@ pub fn page(
         format!(
             "Strength: RMS change of the most affected recorded signal due to the faults, over its noise floor. Of missed units, expected: twice \
              the log Bayes factor that the missed fault should gain by the catalogue's equation, with data sheet and answer fitted against it; \
-             left: χ² of the answer's model above that of a right model. A miss is due to the recordings if expected is below {SEEN}; otherwise \
-             to the method's tolerance if left is below {SEEN}; otherwise, or if no fault was missed, to the method."
+             left: χ² of the answer's model above that of a right model. A miss lies with information if expected or left is below {SEEN}; otherwise \
+             with the search if its regret is above 1 %; otherwise with the verdict if the true set leads by the evidence, and with the model if \
+             another one does."
         ),
     );
     Ok(page)

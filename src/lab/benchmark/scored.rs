@@ -1,7 +1,10 @@
 //! One unit before the scorer: what verdict beside what is in it.
 
 use crate::battery::{Label, TrueFault};
+use crate::benchmark::score::SMALL_REGRET;
 use crate::benchmark::scored_report::ScoredReport as _;
+use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
+use govtwin_diagnosis::decision::posterior::likeliest;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::{Regret, Verdict};
 
@@ -13,29 +16,33 @@ const VISIBLE_RATIO: f64 = 3.0;
 /// A class with more members is no answer.
 const LARGEST_CLASS: usize = 3;
 
-/// What a miss lies with.
+/// What a miss lies with: the first that holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MissedBy {
     /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
-    /// ([`expected_log_bayes_factor`](crate::benchmark::isolability::expected_log_bayes_factor)).
-    Recordings,
-    /// It gains more, or the gain is not known, but the answer leaves no more than the method lets a right model leave ([`DiagnosisReport::leaves`]).
-    Tolerance,
-    /// The rest: what was left out could have been seen, or there is nothing left out and something made up.
-    Method,
+    /// ([`expected_log_bayes_factor`](crate::benchmark::isolability::expected_log_bayes_factor)), or the answer leaves hardly more than a right model
+    /// ([`DiagnosisReport::leaves`]).
+    Information,
+    /// No set with the true faults was fitted, or one that costs more than a fit which begins at the true values ([`SMALL_REGRET`]).
+    Search,
+    /// The true set leads by the evidence of the report, and the verdict is another.
+    Verdict,
+    /// Another set leads by the evidence: with the twin's equations it fits the recordings better than the truth does.
+    Model,
 }
 
 impl MissedBy {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Recordings, Self::Tolerance, Self::Method];
+    pub const ALL: [Self; 4] = [Self::Information, Self::Search, Self::Verdict, Self::Model];
 
     /// The word in files and tables.
     #[must_use]
     pub fn id(self) -> &'static str {
         match self {
-            Self::Recordings => "recordings",
-            Self::Tolerance => "tolerance",
-            Self::Method => "method",
+            Self::Information => "information",
+            Self::Search => "search",
+            Self::Verdict => "verdict",
+            Self::Model => "model",
         }
     }
 }
@@ -80,6 +87,12 @@ impl ScoredUnit {
         self.report.verdict == verdict
     }
 
+    /// Whether the report says that something outside the catalogue is at work: instead of known causes, or beside them.
+    pub(super) fn says_something_else(&self) -> bool {
+        let beside = self.report.remainder.as_ref().is_some_and(|one| one.something_else > 0.5);
+        self.says(Verdict::Unknown) || self.report.detects() && beside
+    }
+
     pub(super) fn stage_is_right(&self) -> bool {
         let stage = self.report.location.stage;
         self.label.effects.iter().any(|truth| Some(truth.stage) == stage)
@@ -89,7 +102,7 @@ impl ScoredUnit {
     #[must_use]
     pub fn missed(&self) -> bool {
         match self.label.listed {
-            false => !self.says(Verdict::Unknown),
+            false => !self.says_something_else(),
             true if self.sound() => self.report.detects(),
             true => self.says(Verdict::Unknown) || self.makes_up() || self.hidden().next().is_some(),
         }
@@ -119,16 +132,26 @@ impl ScoredUnit {
     /// What a miss lies with; none where nothing was missed, or nothing is known of it.
     #[must_use]
     pub fn missed_by(&self) -> Option<MissedBy> {
-        let below = |figure: Option<f64>| figure.map(|figure| figure < SEEN);
-        match (below(self.expected_log_bayes_factor), below(self.report.leaves())) {
-            _ if !self.missed() => None,
-            // Whatever the answer leaves, nothing asked for what it makes up.
-            _ if self.hidden().next().is_none() => Some(MissedBy::Method),
-            (Some(true), _) => Some(MissedBy::Recordings),
-            (_, Some(true)) => Some(MissedBy::Tolerance),
-            (None, None) => None,
-            _ => Some(MissedBy::Method),
+        if !self.missed() {
+            return None;
         }
+        let below = |figure: Option<f64>| figure.is_some_and(|figure| figure < SEEN);
+        if self.hidden().next().is_some() && (below(self.expected_log_bayes_factor) || below(self.report.leaves())) {
+            return Some(MissedBy::Information);
+        }
+        if self.regret().is_some_and(|regret| regret > SMALL_REGRET) {
+            return Some(MissedBy::Search);
+        }
+        Some(if self.truth_leads()? { MissedBy::Verdict } else { MissedBy::Model })
+    }
+
+    /// Whether the true set is the likeliest of those that were fitted; what no catalogue lists leads wherever it can be seen. None without a table.
+    fn truth_leads(&self) -> Option<bool> {
+        let table = &self.report.evidence.table;
+        let leader = likeliest(table, &Hyperparameters::shipped())?;
+        let is_there = |id: &String| self.label.effects.iter().any(|truth| truth.id == *id);
+        let effects = &table.rows[leader].effects;
+        Some(!self.label.listed || effects.len() == self.label.effects.len() && effects.iter().all(is_there))
     }
 
     pub(super) fn first_truth(&self) -> &str {

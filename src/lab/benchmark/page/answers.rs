@@ -39,13 +39,14 @@ fn sentence(score: &Score, ids: &[&str]) -> Option<String> {
 pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
     let missed = cases.iter().filter(|case| case.missed()).count();
     let by = |what: Option<MissedBy>| cases.iter().filter(|case| case.missed() && case.missed_by() == what).count();
-    let [recordings, tolerance, method] = MissedBy::ALL.map(|what| by(Some(what)));
+    let [information, search, verdict, model] = MissedBy::ALL.map(|what| by(Some(what)));
     (missed > 0).then(|| {
         let [miss, name] = if missed == 1 { ["misses", "names"] } else { ["miss", "name"] };
         let mut words = format!(
-            "{missed} of {} answers {miss} a fault or {name} a false one. Due to the recordings: {recordings}; by the catalogue's equations the missed \
-             fault is too small in them or too similar to the answer. Due to the method's tolerance: {tolerance}; the answer leaves no more \
-             than a right model may, and a stricter method might have found the fault. Due to the method: {method}.",
+            "{missed} of {} answers {miss} a fault or {name} a false one. Information: {information}; by the catalogue's equations the missed fault is \
+             too small in the recordings or too similar to the answer, or the answer leaves hardly more than a right model. Search: {search}; no set with \
+             the true faults was fitted as well as from the true values. Verdict: {verdict}; the true set leads by the evidence, and the verdict is \
+             another. Model: {model}; another set fits the recordings better with the twin's equations than the truth does.",
             cases.len()
         );
         let unknown = by(None);

@@ -50,6 +50,7 @@ fn case(
             listed,
             strength_ratio: strength,
             rate_hz: 100.0,
+            mismatch: 1.0,
         },
         realised_fraction: Some(0.9),
         expected_log_bayes_factor: None,
@@ -122,44 +123,59 @@ fn a_name_too_many_is_a_miss_and_a_class_is_one_effect() {
 }
 
 #[test]
-fn a_miss_lies_with_recordings_tolerance_or_method() {
+fn a_miss_lies_with_information_search_verdict_or_model() {
     // A right model of a thousand independent samples costs 640.
     let row = |effects: &[&str], cost: f64| EvidenceRow {
         effects: effects.iter().map(|id| (*id).to_owned()).collect(),
         cost,
         ..EvidenceRow::default()
     };
-    let table = |left: f64| EvidenceTable {
+    let table = |left: f64, truth: f64| EvidenceTable {
         samples: 1000.0,
-        rows: vec![row(&["load"], 640.0 + left), row(&["load", "backlash"], 640.0 + left), row(&[], 1640.0)],
+        rows: vec![row(&["load"], 640.0 + left), row(&["backlash"], 640.0 + truth), row(&[], 1640.0)],
         ..EvidenceTable::default()
     };
-    let named = |expected_log_bayes_factor, left| {
+    let named = |expected_log_bayes_factor, table: EvidenceTable| {
         let mut case = case(&["backlash"], true, 9.0, "named", "servomotor", &[("load", 0.9)]);
-        (case.expected_log_bayes_factor, case.report.evidence.table) = (expected_log_bayes_factor, table(left));
+        (case.expected_log_bayes_factor, case.report.evidence.table) = (expected_log_bayes_factor, table);
         case
     };
-    assert_eq!(named(Some(500.0), 300.0).missed_by(), Some(MissedBy::Method));
-    assert_eq!(named(None, 300.0).missed_by(), Some(MissedBy::Method));
-    assert_eq!(named(Some(5.0), 300.0).missed_by(), Some(MissedBy::Recordings));
-    assert_eq!(named(Some(5.0), 3.0).missed_by(), Some(MissedBy::Recordings));
-    // The remainder of the answer is no information about the recordings.
-    assert_eq!(named(Some(500.0), 3.0).missed_by(), Some(MissedBy::Tolerance));
-    assert_eq!(named(None, 3.0).missed_by(), Some(MissedBy::Tolerance));
+    let regretted = |reached: f64| {
+        let mut case = named(Some(500.0), table(300.0, 500.0));
+        let regret = serde_json::json!({"effects": ["backlash"], "found": 1140.0, "reached": reached});
+        case.report.evidence.regret = serde_json::from_value(regret).unwrap();
+        case
+    };
+    assert_eq!(named(Some(5.0), table(300.0, 500.0)).missed_by(), Some(MissedBy::Information));
+    assert_eq!(named(Some(500.0), table(3.0, 500.0)).missed_by(), Some(MissedBy::Information));
+    assert_eq!(named(Some(500.0), table(300.0, 500.0)).missed_by(), Some(MissedBy::Model));
+    assert_eq!(named(None, table(300.0, 100.0)).missed_by(), Some(MissedBy::Verdict));
+    assert_eq!(regretted(800.0).missed_by(), Some(MissedBy::Search));
+    assert_eq!(regretted(1139.0).missed_by(), Some(MissedBy::Model));
     let more = &[("load", 0.9), ("backlash", 0.9)];
     let mut made_up = case(&["backlash"], true, 9.0, "named", "servomotor", more);
-    made_up.report.evidence.table = table(3.0);
-    assert_eq!(made_up.missed_by(), Some(MissedBy::Method));
+    assert_eq!(made_up.missed_by(), None, "nothing is known without a table");
+    made_up.report.evidence.table = table(300.0, 3.0);
+    assert_eq!(made_up.missed_by(), Some(MissedBy::Verdict));
+    // What no catalogue lists leads wherever it can be seen.
+    let mut outside = case(&["backlash"], false, 9.0, "named", "servomotor", &[("load", 0.9)]);
+    outside.report.evidence.table = table(300.0, 500.0);
+    assert_eq!(outside.missed_by(), Some(MissedBy::Verdict));
     let right = case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]);
-    let score = score(&[named(Some(500.0), 300.0), named(Some(5.0), 300.0), named(None, 3.0), right]);
+    let score = score(&[
+        named(Some(5.0), table(300.0, 500.0)),
+        regretted(800.0),
+        named(None, table(300.0, 100.0)),
+        named(None, table(300.0, 500.0)),
+        right,
+    ]);
     let misses = |id: &str| score.measures.iter().find(|measure| measure.id == id).unwrap().misses;
-    assert_eq!(misses("single_first"), Some(Misses { all: 3, by: [1, 1, 1] }));
+    assert_eq!(misses("single_first"), Some(Misses { all: 4, by: [1, 1, 1, 1] }));
     assert_eq!((misses("stage"), misses("pair_both"), misses("seconds")), (None, None, None));
     let all = hand_made();
     let missed: Vec<bool> = all.iter().map(ScoredUnit::missed).collect();
     assert_eq!(missed, [false, true, false, false, true, false, true, false, true]);
-    // A false alarm is the method's own; of the rest nothing is known.
-    assert_eq!(all.iter().filter_map(ScoredUnit::missed_by).collect::<Vec<_>>(), [MissedBy::Method]);
+    assert_eq!(all.iter().filter_map(ScoredUnit::missed_by).count(), 0, "nothing is known of them");
 }
 
 #[test]

@@ -1,0 +1,61 @@
+//! The next tests that reports propose, run on the units' plants, and what is said with their answers.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_lab::benchmark::next_test::proposed;
+
+use super::battery::Battery;
+use super::cases::UnitFolder;
+use super::method::{JudgingMethod, diagnose};
+use crate::commands::report_file::{self, is_there};
+
+/// Folder of the second diagnosis in a unit's folder of reports.
+const FOLDER: &str = "next_test";
+
+/// Entropy of a posterior from which its test is run, bits: less leaves nothing to settle.
+const OPEN_BITS: f64 = 0.1;
+
+/// Where the second report of a unit is.
+fn folder(out: &Path, unit: &str) -> PathBuf {
+    out.join(unit).join(FOLDER)
+}
+
+/// Removes what was said with the answer to an earlier report's test.
+pub fn forget(out: &Path, unit: &str) -> anyhow::Result<()> {
+    let folder = folder(out, unit);
+    match std::fs::remove_dir_all(&folder) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        other => other.with_context(|| format!("cannot remove {}", folder.display())),
+    }
+}
+
+/// What was said of a unit with the answer to its test; none where none was run.
+pub fn report(out: &Path, unit: &str) -> anyhow::Result<Option<DiagnosisReport>> {
+    let path = folder(out, unit).join("report.json");
+    if is_there(&path)? { report_file::diagnosis(&path).map(Some) } else { Ok(None) }
+}
+
+/// Runs the best test that a unit's report proposes where something is open, and diagnoses the unit with its answer beside the recordings.
+pub fn run(
+    case: &UnitFolder,
+    made: &Battery,
+    judged_by: &[OsString],
+    threads: usize,
+    out: &Path,
+) -> anyhow::Result<()> {
+    let path = JudgingMethod::Diagnosis.report_path(out, &case.name);
+    if !is_there(&path)? {
+        return Ok(());
+    }
+    let first = report_file::diagnosis(&path)?;
+    let proposed = proposed(&first).filter(|one| one.entropy_bits >= OPEN_BITS);
+    let Some(proposed) = proposed.filter(|_| report(out, &case.name).is_ok_and(|known| known.is_none())) else {
+        return Ok(());
+    };
+    let answer = tempfile::tempdir().context("no temporary folder for the answer to a test")?;
+    let Some(bag) = made.answer(&case.name, proposed, answer.path())? else { return Ok(()) };
+    diagnose(case, Some(&bag), judged_by, threads, &folder(out, &case.name))
+}
