@@ -35,7 +35,7 @@ pub struct Mismatch {
 impl Mismatch {
     /// Draws them for a unit of this size, `level` times as far from the nominal structure as usual; the stops yield by the unit's parameters.
     ///
-    /// One seed draws the same deviations at every level.
+    /// One seed draws the same deviations at every level. The travel of the ESV stays as usual: a longer one is `esv_slow`.
     #[must_use]
     pub fn draw(p: &Parameters, size: &UnitSize, level: f64, draw: &mut Draw) -> Self {
         // Lines of the same length in time: what they hold back goes with pressure over flow, what they hold with the inverse.
@@ -53,7 +53,7 @@ impl Mismatch {
             pilot_curvature_ratio: 0.01 * level * draw.normal(),
             filling_gain: 1.0 + 0.005 * level * draw.normal(),
             draining_gain: 1.0 + 0.005 * level * draw.normal(),
-            esv_travel_s: level * draw.between(1.5e-3, 3e-3),
+            esv_travel_s: draw.between(1.5e-3, 3e-3),
             spool_friction_n: level * draw.between(3.0, 15.0) * size.spool_force_ratio,
             piston_bend_m: level * draw.between(3e-5, 8e-5),
             flow_force_ratio: level * draw.between(0.0, 0.05),
