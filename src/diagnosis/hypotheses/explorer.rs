@@ -213,10 +213,11 @@ impl<'a> Explorer<'a> {
         all
     }
 
-    /// Slopes of a model by the parameters of the sheet alone.
+    /// Slopes of a model by the parameters of the sheet alone; where they were given up, those of the refitted sheet, good enough to begin with.
     fn sheet_slopes(&self, model: &FittedModel) -> Vec<DMatrix<f64>> {
         let count = self.nominal.free_parameters.len();
-        model.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
+        let known = if model.fit.slopes.is_empty() { self.nominal } else { model };
+        known.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
     }
 
     /// The effects of a proposal at a point, and the unit with them where the fit begins.

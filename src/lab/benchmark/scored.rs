@@ -20,10 +20,10 @@ const LARGEST_CLASS: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MissedBy {
     /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
-    /// ([`expected_log_bayes_factor`](crate::benchmark::isolability::expected_log_bayes_factor)), or the answer leaves hardly more than a right model
-    /// ([`DiagnosisReport::leaves`]).
+    /// ([`expected_log_bayes_factor`](crate::benchmark::isolability::expected_log_bayes_factor)); or, if it is not the search, the answer leaves hardly
+    /// more than a right model ([`DiagnosisReport::leaves`]).
     Information,
-    /// No set with the true faults was fitted, or one that costs more than a fit which begins at the true values ([`SMALL_REGRET`]).
+    /// No set with the true faults was fitted, or one that costs more, by [`SMALL_REGRET`] and by [`SEEN`], than a fit which begins at the true values.
     Search,
     /// The true set leads by the evidence of the report, and the verdict is another.
     Verdict,
@@ -136,11 +136,16 @@ impl ScoredUnit {
             return None;
         }
         let below = |figure: Option<f64>| figure.is_some_and(|figure| figure < SEEN);
-        if self.hidden().next().is_some() && (below(self.expected_log_bayes_factor) || below(self.report.leaves())) {
+        let is_hidden = self.hidden().next().is_some();
+        if is_hidden && below(self.expected_log_bayes_factor) {
             return Some(MissedBy::Information);
         }
-        if self.regret().is_some_and(|regret| regret > SMALL_REGRET) {
+        let regret = self.report.evidence.regret.as_ref();
+        if regret.is_some_and(|one| one.share() > SMALL_REGRET && one.share() * one.reached > SEEN) {
             return Some(MissedBy::Search);
+        }
+        if is_hidden && below(self.report.leaves()) {
+            return Some(MissedBy::Information);
         }
         Some(if self.truth_leads()? { MissedBy::Verdict } else { MissedBy::Model })
     }
