@@ -389,7 +389,7 @@ fn slips_say_the_way_out() {
     std::fs::create_dir(dir.path().join("answers")).unwrap();
     std::fs::write(dir.path().join("answers/drawn.sha256"), "another\n").unwrap();
     let (code, words) = run(&["--generate", "1"]);
-    assert!(code == Some(1) && words.contains("of another seed, rate or data sheet"), "{words}");
+    assert!(code == Some(1) && words.contains("of another seed, rate, mismatch or data sheet"), "{words}");
     unit(dir.path(), "case_1", &report("perhaps", &[]));
     let (code, words) = run(&["--baselines"]);
     assert!(code == Some(1) && words.contains("found `perhaps`"), "{words}");

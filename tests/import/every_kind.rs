@@ -170,6 +170,74 @@ fn times(cases: &mut Cases) {
         }),
         Right,
     );
+    let parted = |header: &str, second: &dyn Fn(&str) -> String, width: usize, pad: usize| {
+        let header = HEADER.replace("Timestamp", header);
+        wide(
+            &header,
+            rejection(),
+            |row| {
+                let (text, ms) = (iso(row), iso(row)[20..23].parse::<u64>().unwrap());
+                format!("{},{:0pad$}", second(&text), ms * 10_u64.pow(width as u32 - 3))
+            },
+            plain,
+            ",",
+        )
+    };
+    let german = |text: &str| format!("22.09.2026 {}", &text[11..19]);
+    let digits = |text: &str| text[..19].replace(['-', ':', 'T'], "");
+    let unix = |text: &str| {
+        let of = |from: usize| text[from..from + 2].parse::<i64>().unwrap();
+        (1_790_035_200 + of(11) * 3600 + of(14) * 60 + of(17)).to_string()
+    };
+    cases.add(KIND, "ms beside date and time", parted("Time,ms", &german, 3, 1), Right);
+    cases.add(
+        KIND,
+        "ms with zeros beside ISO",
+        parted("Timestamp,Millisecond", &|text| text[..19].to_owned(), 3, 3),
+        Right,
+    );
+    cases.add(
+        KIND,
+        "ms beside date, time",
+        parted("Date,Time,Time ms", &|text| german(text).replace(' ', ","), 3, 1),
+        Right,
+    );
+    cases.add(KIND, "us beside date and time", parted("Time,usec", &german, 6, 1), Right);
+    cases.add(KIND, "sec, nanosec", parted("sec,nanosec", &unix, 9, 1), Right);
+    cases.add(KIND, "stamp.sec, stamp.nanosec", parted("header.stamp.sec,header.stamp.nanosec", &unix, 9, 1), Right);
+    cases.add(
+        KIND,
+        "sec, nanosec from a start",
+        parted("sec,nanosec", &|text| unix(text)[6..].to_owned(), 9, 1),
+        Right,
+    );
+    cases.add(KIND, "digits alone", headed("Time", &|row| iso(row)[..23].replace(['-', ':', 'T', '.'], "")), Right);
+    cases.add(
+        KIND,
+        "digits alone with a point",
+        headed("Time", &|row| iso(row)[..23].replace(['-', ':', 'T'], "")),
+        Right,
+    );
+    cases.add(KIND, "digits alone beside ms", parted("Time,ms", &digits, 3, 1), Right);
+    cases.add(
+        KIND,
+        "digits of date and time of day",
+        headed("Date,Time", &|row| iso(row)[..23].replace(['-', ':'], "").replace('T', ",")),
+        Right,
+    );
+    // Not the part of the second: how long a cycle took.
+    cases.add(
+        KIND,
+        "whole seconds beside a cycle's ms",
+        wide(
+            &HEADER.replace("Timestamp", "Time,ms"),
+            rejection(),
+            |row| format!("{},{}", german(&iso(row)), 3 + (row.time_s * 7919.0) as u64 % 5),
+            plain,
+            ",",
+        ),
+        Asked("have the time of the one before"),
+    );
     cases.add(KIND, "basic ISO", headed("Time", &|row| iso(row).replace(['-', ':', 'Z'], "")), Right);
     cases.add(
         KIND,

@@ -1,6 +1,7 @@
 //! Sources of rows: tables and bags behind one face, told apart by their first bytes.
 
 pub(super) mod channel;
+mod fraction;
 pub(super) mod head;
 mod machine;
 mod order;

@@ -58,9 +58,9 @@ fn what_the_twin_simulated_says_nothing_beside_what_was_measured() {
         seed: 1,
     };
     let streams = generate::streams(&scenario);
-    let [own, other] = [("generate", "own"), ("blind --generate", "other")].map(|(command, name)| {
-        let path = dir.path().join(name);
-        write(command, scenario.process, scenario.seed, &streams, &path).unwrap().place().unwrap();
+    let [own, other] = [("generate", govtwin_bag::TWIN), ("blind --generate", "other")].map(|by| {
+        let path = dir.path().join(by.1);
+        write(by, scenario.process, scenario.seed, &streams, &path).unwrap().place().unwrap();
         path
     });
     let read = |paths: &[PathBuf]| read(paths, &Topics::default(), &scenario.unit).unwrap();

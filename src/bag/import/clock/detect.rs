@@ -6,12 +6,13 @@ use crate::import::map::TimeMap;
 use crate::import::number::{NumberCell, Numbers};
 
 /// Patterns that are tried, the more special first; of the last two only one may fit.
-const PATTERNS: [&str; 24] = [
+const PATTERNS: [&str; 25] = [
     "%Y-%m-%d %H:%M:%S%.f %z",
     "%Y/%m/%d %H:%M:%S%.f",
     "%Y.%m.%d %H:%M:%S%.f",
     "%Y%m%dT%H%M%S%.f",
     "%Y%m%d %H:%M:%S%.f",
+    "%Y%m%d %H%M%S%.f",
     "%Y-%m-%d %H:%M",
     "%d.%m.%Y %H:%M:%S%.f",
     "%d.%m.%y %H:%M:%S%.f",
@@ -52,6 +53,10 @@ pub(in crate::import) fn detect(
     unit: &str,
     numbers: &Numbers,
 ) -> Result<Detected, String> {
+    if let Some(stamp) = digits_alone(texts, numbers) {
+        let why = format!("`{}` is read as {stamp}, digits alone", texts[0].trim());
+        return Ok(Detected { format: Format::Pattern(stamp.to_owned()), why });
+    }
     let cells: Vec<NumberCell> = texts.iter().map(|text| numbers.cell(text)).collect();
     let values: Vec<f64> =
         cells.iter().filter_map(|cell| if let NumberCell::Number(x) = cell { Some(*x) } else { None }).collect();
@@ -86,6 +91,22 @@ pub(in crate::import) fn detect(
              %H:%M:%S%.f\"}}`, or name another column"
         )),
     }
+}
+
+/// How digits alone write date and time of day, where all are such: no count of anything falls into these years with as many digits.
+fn digits_alone(texts: &[String], numbers: &Numbers) -> Option<&'static str> {
+    ["%Y%m%d%H%M%S%.f", "%Y%m%d%H%M%S%f"].into_iter().find(|pattern| {
+        let map = TimeMap::default();
+        let Ok(mut clock) = super::TimeReader::new(Format::Pattern((*pattern).to_owned()), &map, numbers) else {
+            return false;
+        };
+        let mut texts = texts.iter().map(|text| text.trim()).filter(|text| !numbers.is_missing(text)).peekable();
+        texts.peek().is_some()
+            && texts.all(|text| {
+                let enough = text.bytes().take_while(u8::is_ascii_digit).count() >= 14;
+                enough && clock.read(text).is_ok_and(|time_ns| RECORDED_S.contains(&(time_ns as f64 * 1e-9)))
+            })
+    })
 }
 
 /// Years between which recordings are made that anybody imports, s since 1970: from 1992 to 2050.

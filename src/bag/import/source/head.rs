@@ -134,9 +134,67 @@ impl TableHead {
         match (first(&DATES), first(&TIMES_OF_DAY)) {
             _ if find("timestring").is_some() && find("time_ms").is_some() => find("time_ms").into_iter().collect(),
             (Some(date), Some(time)) => vec![date, time],
-            _ => first(&TIMES).into_iter().collect(),
+            _ => match first(&TIMES).filter(|place| bare(&self.names[*place]) != "index") {
+                Some(place) => vec![place],
+                None => self.seconds().or_else(|| Some(vec![first(&TIMES)?])).unwrap_or_default(),
+            },
         }
     }
+
+    /// A column of seconds and the one of their nanoseconds, as messages have them: their names differ by the unit alone.
+    fn seconds(&self) -> Option<Vec<usize>> {
+        let place = |wanted: (&str, usize)| {
+            self.names.iter().position(|name| {
+                let (before, unit) = last_word(name);
+                before == wanted.0 && PARTS.iter().any(|(word, digits)| *word == unit && *digits == wanted.1)
+            })
+        };
+        let seconds = self.names.iter().enumerate().filter(|(_, name)| SECONDS.contains(&last_word(name).1.as_str()));
+        seconds.into_iter().find_map(|(second, name)| Some(vec![second, place((&last_word(name).0, 9))?]))
+    }
+
+    /// Whether a column, by its name, is the part of the second of times in other columns.
+    pub(super) fn is_fraction_of(&self, column: usize, times: &[usize]) -> bool {
+        let (before, _) = last_word(&self.names[column]);
+        let of_time =
+            times.iter().any(|time| last_word(&self.names[*time]).0 == before || before == plain(&self.names[*time]));
+        fraction_digits(&self.names[column]).is_some() && (before.is_empty() || of_time)
+    }
+}
+
+/// Words for seconds.
+const SECONDS: [&str; 5] = ["s", "sec", "secs", "second", "seconds"];
+/// Words for parts of a second, with their digits behind it.
+const PARTS: [(&str, usize); 15] = [
+    ("ms", 3),
+    ("msec", 3),
+    ("millis", 3),
+    ("millisec", 3),
+    ("millisecond", 3),
+    ("milliseconds", 3),
+    ("millisekunden", 3),
+    ("us", 6),
+    ("usec", 6),
+    ("microseconds", 6),
+    ("ns", 9),
+    ("nsec", 9),
+    ("nanosec", 9),
+    ("nanosecs", 9),
+    ("nanoseconds", 9),
+];
+
+/// The last word of a column's name, without what stands in brackets, and what is before it; in lower case.
+fn last_word(name: &str) -> (String, String) {
+    let bare = bracketed(name).map_or(name, |(bare, _)| bare).trim().to_lowercase();
+    let from = bare.char_indices().rev().take_while(|(_, letter)| letter.is_alphanumeric()).last();
+    let (before, word) = bare.split_at(from.map_or(bare.len(), |(from, _)| from));
+    (before.trim_end_matches(|letter: char| !letter.is_alphanumeric()).to_owned(), word.to_owned())
+}
+
+/// The digits behind the second of a column that by its name holds a part of it.
+pub(super) fn fraction_digits(name: &str) -> Option<usize> {
+    let (_, word) = last_word(name);
+    PARTS.iter().find(|(part, _)| *part == word).map(|(_, digits)| *digits)
 }
 
 /// What a cell that is no number may be.

@@ -1,6 +1,7 @@
 //! The time of a table: in which columns it stands, and how it is written.
 
 use super::channel::ChannelValue;
+use super::fraction::{Fraction, fraction_beside};
 use super::head::TableHead;
 use super::records::{SAMPLED, TableRecords};
 use crate::import::ImportError;
@@ -12,7 +13,7 @@ use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 /// Columns that hold the time of others.
 #[derive(Clone, Debug)]
 pub(super) struct TimeGroup {
-    /// The columns of the time: one, or date and time of day.
+    /// The columns of the time: one, or date and time of day, and a part of the second behind them.
     pub(super) columns: Vec<usize>,
     pub(super) clock: TimeReader,
     /// The file itself says how its times count.
@@ -20,6 +21,7 @@ pub(super) struct TimeGroup {
     of: TimeOf,
     /// Other columns of time go on where it is blank.
     pub(super) may_be_blank: bool,
+    fraction: Option<Fraction>,
 }
 
 /// Columns that a time counts for.
@@ -45,8 +47,8 @@ impl TimeGroup {
 
     /// The time of a record, ns since 1970; nothing where a time that counts for some columns alone is blank.
     pub(super) fn read<R: TableRecords>(&mut self, records: &R) -> Option<Result<i64, String>> {
-        let blank = self.may_be_blank && time_text(records, &self.columns).trim().is_empty();
-        (!blank).then(|| read_time(records, &self.columns, &mut self.clock))
+        let blank = self.may_be_blank && time_text(records, &self.columns, None).trim().is_empty();
+        (!blank).then(|| read_time(records, self))
     }
 }
 
@@ -72,7 +74,14 @@ pub(super) fn timing<R: TableRecords>(
         let format = Format::Relative { unit_ns: 1 };
         let clock = TimeReader::new(format, &map.time, &head.numbers).map_err(wrong)?;
         return Ok(Timing {
-            group: TimeGroup { columns: vec![], clock, native: true, of: TimeOf::All, may_be_blank: false },
+            group: TimeGroup {
+                columns: vec![],
+                clock,
+                native: true,
+                of: TimeOf::All,
+                may_be_blank: false,
+                fraction: None,
+            },
             note,
         });
     }
@@ -96,6 +105,10 @@ pub(super) fn timing<R: TableRecords>(
         })?;
         let why = if head.time_columns().is_empty() { ", which rises from line to line" } else { "" };
         note = format!("time is column `{}`{why}", head.names[*first]);
+        if let Some(part) = fraction_beside(head, &columns, open)? {
+            note = format!("{note} with `{}` as part of the second", head.names[part]);
+            columns.push(part);
+        }
     }
     written(head, map, open, columns, TimeOf::All, note)
 }
@@ -110,11 +123,19 @@ fn written<R: TableRecords>(
     note: String,
 ) -> Result<Timing, ImportError> {
     let wrong = |problem: String| ImportError::file(&head.path, problem);
+    let fraction = Fraction::of(head, &columns);
     let clock = |format: Format| TimeReader::new(format, &map.time, &head.numbers).map_err(wrong);
     if let Some(text) = &map.time.format {
         let format = Format::of(text).map_err(|problem| wrong(format!("time.format: {problem}")))?;
         return Ok(Timing {
-            group: TimeGroup { columns, clock: clock(format)?, native: false, may_be_blank: of != TimeOf::All, of },
+            group: TimeGroup {
+                columns,
+                clock: clock(format)?,
+                native: false,
+                may_be_blank: of != TimeOf::All,
+                of,
+                fraction,
+            },
             note,
         });
     }
@@ -123,7 +144,7 @@ fn written<R: TableRecords>(
     let mut native = false;
     while texts.len() < SAMPLED && records.advance()? {
         native |= matches!(records.value(columns[0]), ChannelValue::Time(_) | ChannelValue::Local(_));
-        let text = time_text(&records, &columns);
+        let text = time_text(&records, &columns, fraction);
         if of == TimeOf::All || !text.trim().is_empty() {
             texts.push(text);
         }
@@ -131,7 +152,7 @@ fn written<R: TableRecords>(
     if native {
         let clock = clock(Format::Epoch { unit_ns: 1, zero_s: 0 })?;
         return Ok(Timing {
-            group: TimeGroup { columns, clock, native: true, may_be_blank: of != TimeOf::All, of },
+            group: TimeGroup { columns, clock, native: true, may_be_blank: of != TimeOf::All, of, fraction },
             note,
         });
     }
@@ -149,6 +170,7 @@ fn written<R: TableRecords>(
             native: false,
             may_be_blank: of != TimeOf::All,
             of,
+            fraction,
         },
         note,
     })
@@ -227,9 +249,9 @@ fn pairs<R: TableRecords>(
     let mut count = 0;
     while count < SAMPLED && records.advance()? {
         count += 1;
-        let of_main = time_text(&records, &main.columns);
+        let of_main = time_text(&records, &main.columns, None);
         for (pair, differ) in pairs.iter().zip(&mut differ) {
-            *differ |= time_text(&records, &pair.columns) != of_main;
+            *differ |= time_text(&records, &pair.columns, None) != of_main;
         }
     }
     let mut differ = differ.into_iter();
@@ -256,8 +278,8 @@ fn rises<R: TableRecords>(records: &mut R) -> Result<bool, ImportError> {
     Ok(count > 2)
 }
 
-/// The cells of time, joined by blanks.
-fn time_text<R: TableRecords>(records: &R, columns: &[usize]) -> String {
+/// The cells of time, joined by blanks; a part of the second by the decimal sign.
+pub(super) fn time_text<R: TableRecords>(records: &R, columns: &[usize], fraction: Option<Fraction>) -> String {
     let text = |column: &usize| match records.value(*column) {
         _ if records.text_of(*column).is_some() => records.text_of(*column).unwrap_or_default().trim().to_owned(),
         ChannelValue::Text(text) => text.trim().to_owned(),
@@ -265,20 +287,24 @@ fn time_text<R: TableRecords>(records: &R, columns: &[usize]) -> String {
         ChannelValue::Whole(number) | ChannelValue::Time(number) | ChannelValue::Local(number) => number.to_string(),
         ChannelValue::Missing => String::new(),
     };
-    columns.iter().map(text).collect::<Vec<_>>().join(" ")
+    let cells: Vec<String> = columns.iter().map(text).collect();
+    let joined =
+        fraction.zip(cells.split_last()).and_then(|(fraction, (part, time))| fraction.joined(&time.join(" "), part));
+    joined.unwrap_or_else(|| cells.join(" "))
 }
 
 /// 146 years before and after 1970: of any two such times the difference is a number of ns as well.
 const FARTHEST_NS: i64 = 1 << 62;
 
 /// The time of a record, ns since 1970.
-fn read_time<R: TableRecords>(records: &R, columns: &[usize], clock: &mut TimeReader) -> Result<i64, String> {
-    let time_ns = any_time(records, columns, clock)?;
+fn read_time<R: TableRecords>(records: &R, group: &mut TimeGroup) -> Result<i64, String> {
+    let time_ns = any_time(records, group)?;
     let is_near = (-FARTHEST_NS..=FARTHEST_NS).contains(&time_ns);
     is_near.then_some(time_ns).ok_or_else(|| "expected a time between 1824 and 2116, found one beyond".to_owned())
 }
 
-fn any_time<R: TableRecords>(records: &R, columns: &[usize], clock: &mut TimeReader) -> Result<i64, String> {
+fn any_time<R: TableRecords>(records: &R, group: &mut TimeGroup) -> Result<i64, String> {
+    let TimeGroup { columns, clock, fraction, .. } = group;
     let only = columns.first().filter(|_| columns.len() == 1);
     if let Some(text) = only.and_then(|column| records.text_of(*column)) {
         return clock.read(text);
@@ -287,6 +313,6 @@ fn any_time<R: TableRecords>(records: &R, columns: &[usize], clock: &mut TimeRea
         Some(ChannelValue::Time(time_ns)) => Ok(time_ns),
         Some(ChannelValue::Local(local_ns)) => clock.local(local_ns),
         Some(ChannelValue::Text(text)) => clock.read(text),
-        _ => clock.read(&time_text(records, columns)),
+        _ => clock.read(&time_text(records, columns, *fraction)),
     }
 }
