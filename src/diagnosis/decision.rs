@@ -8,7 +8,8 @@ pub mod hyperparameters;
 pub mod posterior;
 
 use crate::decision::posterior::Posterior;
-use crate::hypotheses::table::EvidenceTable;
+use crate::hypotheses::table::{EvidenceRow, EvidenceTable};
+use crate::likelihood::problem::SOUND_MEAN_SQUARE;
 use crate::result::Verdict;
 use govtwin_model::effects::{EffectSpec, Stage};
 
@@ -64,19 +65,23 @@ impl Decision {
             let at = posterior.unknown.iter().find(|(id, _)| id == stage.id());
             (stage, at.map_or(0.0, |(_, probability)| *probability))
         };
-        let (verdict, blamed) = if none >= unknown.max(known) {
+        let something_else = posterior.something_else.max(unknown);
+        let (verdict, mut blamed) = if none >= unknown.max(known) {
             (Verdict::NoGap, Vec::new())
         } else if unknown > known {
             (Verdict::Unknown, Vec::new())
         } else {
             verdict_on(&sets, &effects, known)
         };
+        if verdict == Verdict::Named && something_else > 0.5 {
+            blamed = beside_something_else(table, &blamed);
+        }
         Self {
             verdict,
             blamed,
             effects,
             unknown,
-            something_else: posterior.something_else.max(unknown),
+            something_else,
             unknown_at: Stage::ALL.into_iter().map(unknown_at).collect(),
             none,
             sets,
@@ -122,6 +127,23 @@ impl Decision {
     }
 }
 
+/// Of named effects those that explain most of what is left without them, where something else is at work as well: any other may only stand in for that.
+fn beside_something_else(table: &EvidenceTable, named: &[&'static str]) -> Vec<&'static str> {
+    let sound = SOUND_MEAN_SQUARE * table.samples;
+    let is_within = |row: &EvidenceRow| row.effects.iter().all(|id| named.contains(&id.as_str()));
+    let least = |holds: &dyn Fn(&EvidenceRow) -> bool| {
+        table.rows.iter().filter(|row| is_within(row) && holds(row)).map(|row| row.cost).fold(f64::INFINITY, f64::min)
+    };
+    let with = least(&|_| true);
+    let share = |id: &str| {
+        let without = least(&|row: &EvidenceRow| !row.effects.iter().any(|one| one == id));
+        if without.is_finite() { (without - with) / (without - sound).max(f64::MIN_POSITIVE) } else { 1.0 }
+    };
+    let most: Vec<&'static str> = named.iter().copied().filter(|id| share(id) > 0.5).collect();
+    let strongest = named.iter().copied().max_by(|a, b| share(a).total_cmp(&share(b)));
+    if most.is_empty() { strongest.into_iter().collect() } else { most }
+}
+
 /// What is said of the known: named with the shared and the likely, or the class.
 fn verdict_on(
     sets: &[(Vec<String>, f64)],
@@ -142,7 +164,6 @@ fn verdict_on(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hypotheses::table::EvidenceRow;
     use govtwin_model::effects::find;
 
     /// The decision on fault sets with these probabilities, the rest unknown at the spool.
@@ -171,6 +192,31 @@ mod tests {
         assert_eq!((two.verdict, two.blamed.as_slice()), (Verdict::Class, ["backlash", "load"].as_slice()));
         let pair = decided(&[(&["backlash", "load"], 0.6), (&["backlash", "port_overlap"], 0.35)]);
         assert_eq!((pair.verdict, pair.blamed.as_slice()), (Verdict::Named, ["backlash", "load"].as_slice()));
+    }
+
+    /// Where something else is at work an effect that explains little of what is left without it is not named: it may stand in for that.
+    #[test]
+    fn what_only_mends_a_law_is_not_named_beside_something_else() {
+        let row = |ids: &[&str], cost: f64| EvidenceRow {
+            effects: ids.iter().map(|id| (*id).to_owned()).collect(),
+            cost,
+            ..EvidenceRow::default()
+        };
+        let rows = vec![row(&["backlash", "load"], 8200.0), row(&["backlash"], 8600.0), row(&[], 26_000.0)];
+        let table = EvidenceTable { samples: 1600.0, rows, ..EvidenceTable::default() };
+        let catalogue: Vec<&'static EffectSpec> = ["backlash", "load"].iter().filter_map(|id| find(id)).collect();
+        let named = |something_else: f64, table: &EvidenceTable| {
+            let sets = vec![(0, 0.9), (1, 0.05)];
+            let posterior = Posterior { sets, something_else, ..Posterior::default() };
+            Decision::new(table, &posterior, &catalogue).blamed
+        };
+        assert_eq!(named(0.9, &table), ["backlash"]);
+        assert_eq!(named(0.1, &table), ["backlash", "load"]);
+        // Both explain most of what the other leaves.
+        let mut both = table;
+        both.rows[1].cost = 16_000.0;
+        both.rows.push(row(&["load"], 24_000.0));
+        assert_eq!(named(0.9, &both), ["backlash", "load"]);
     }
 
     #[test]
