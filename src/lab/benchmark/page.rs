@@ -3,7 +3,7 @@
 mod answers;
 
 use crate::benchmark::next_test::NextTestScore;
-use crate::benchmark::score::{Confusion, RegretScore, Score, ScoredMeasure};
+use crate::benchmark::score::{Confusion, Score, ScoredMeasure};
 use crate::benchmark::scored::{MissedBy, SEEN, ScoredUnit};
 use crate::benchmark::scored_report::ScoredReport as _;
 use crate::benchmark::statistics::{Bin, Measured};
@@ -15,7 +15,7 @@ use govtwin_pages::page::{KeyFigure, Page, Tone};
 use govtwin_pages::picture::{Mark, MarkShape, Panel, Picture};
 use govtwin_pages::table::Table;
 
-pub use answers::misses_in_words;
+pub use answers::{misses_in_words, regret_in_words};
 
 /// One method with its score, the diagnosis first.
 #[derive(Clone, Debug)]
@@ -109,32 +109,6 @@ pub fn page(
         ),
     );
     Ok(page)
-}
-
-/// How far the search stayed behind what the true values reach, in sentences; none where no true values are known.
-#[must_use]
-pub fn regret_in_words(regret: &RegretScore) -> Option<String> {
-    let share = |share: f64| {
-        if share.is_finite() {
-            format!("{} %", percent(share))
-        } else {
-            "∞ (no set with the true faults was fitted)".to_owned()
-        }
-    };
-    let quantiles: Vec<String> = regret
-        .quantiles
-        .iter()
-        .map(|&(units, at_most)| format!("at most {} in {} % of the units", share(at_most), percent(units)))
-        .collect();
-    let large: Vec<String> = regret.large.iter().map(|(name, of)| format!("{name} {}", share(*of))).collect();
-    let large = if large.is_empty() { "none".to_owned() } else { large.join(", ") };
-    (!quantiles.is_empty()).then(|| {
-        format!(
-            "Regret of the search (χ² found for the best set that holds the true faults, less χ² reached from the true values, as a share of χ²): {}. \
-             Above 1 %: {large}.",
-            quantiles.join(", ")
-        )
-    })
 }
 
 /// The readable name of a verdict or a truth.

@@ -1,7 +1,7 @@
 //! The four answers at the head of a benchmark's page: how often verdicts are right, how sure, whether intervals hold, and the causes of the misses.
 
-use super::{interval, value_text};
-use crate::benchmark::score::Score;
+use super::{interval, percent, value_text};
+use crate::benchmark::score::{RegretScore, Score};
 use crate::benchmark::scored::{MissedBy, ScoredUnit};
 use govtwin_diagnosis::words::capital;
 
@@ -54,5 +54,31 @@ pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
             words += &format!(" Cause unknown: {unknown}.");
         }
         words
+    })
+}
+
+/// How far the search stayed behind what the true values reach, in sentences; none where no true values are known.
+#[must_use]
+pub fn regret_in_words(regret: &RegretScore) -> Option<String> {
+    let share = |share: f64| {
+        if share.is_finite() {
+            format!("{} %", percent(share))
+        } else {
+            "∞ (no set with the true faults was fitted)".to_owned()
+        }
+    };
+    let quantiles: Vec<String> = regret
+        .quantiles
+        .iter()
+        .map(|&(units, at_most)| format!("at most {} in {} % of the units", share(at_most), percent(units)))
+        .collect();
+    let large: Vec<String> = regret.large.iter().map(|(name, of)| format!("{name} {}", share(*of))).collect();
+    let large = if large.is_empty() { "none".to_owned() } else { large.join(", ") };
+    (!quantiles.is_empty()).then(|| {
+        format!(
+            "Regret of the search (χ² found for the best set that holds the true faults, less χ² reached from the true values, as a share of χ²): {}. \
+             Above 1 %: {large}.",
+            quantiles.join(", ")
+        )
     })
 }
