@@ -197,13 +197,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut failed: Vec<String> = judged.filter_map(Result::err).collect();
     drop(progress);
     if let Some(made) = made.as_ref().filter(|_| args.next_test) {
-        let progress = Progress::new(cases.len(), "next tests");
-        let tried = cases.iter().par_bridge().map(|case| {
-            let tried = next_test::run(case, made, &judged_by, threads, out);
-            progress.step();
-            tried.map_err(|error| format!("{}: next test: {error:#}", case.name))
-        });
-        failed.extend(tried.filter_map(Result::err).collect::<Vec<_>>());
+        failed.extend(next_test::run_all(&cases, made, &judged_by, threads, out));
     }
     failed.sort();
     warn_of(&failed);

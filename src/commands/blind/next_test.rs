@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_lab::benchmark::next_test::proposed;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::battery::Battery;
 use super::cases::UnitFolder;
 use super::method::{JudgingMethod, diagnose};
+use crate::commands::output::Progress;
 use crate::commands::report_file::{self, is_there};
 
 /// Folder of the second diagnosis in a unit's folder of reports.
@@ -38,14 +40,25 @@ pub fn report(out: &Path, unit: &str) -> anyhow::Result<Option<DiagnosisReport>>
     if is_there(&path)? { report_file::diagnosis(&path).map(Some) } else { Ok(None) }
 }
 
-/// Runs the best test that a unit's report proposes where something is open, and diagnoses the unit with its answer beside the recordings.
-pub fn run(
-    case: &UnitFolder,
+/// Runs the best test of every unit, side by side; hands out what failed.
+pub fn run_all(
+    cases: &[UnitFolder],
     made: &Battery,
     judged_by: &[OsString],
     threads: usize,
     out: &Path,
-) -> anyhow::Result<()> {
+) -> Vec<String> {
+    let progress = Progress::new(cases.len(), "next tests");
+    let failed = cases.par_iter().filter_map(|case| {
+        let tried = run(case, made, judged_by, threads, out);
+        progress.step();
+        tried.err().map(|error| format!("{}: next test: {error:#}", case.name))
+    });
+    failed.collect()
+}
+
+/// Runs the best test that a unit's report proposes where something is open, and diagnoses the unit with its answer beside the recordings.
+fn run(case: &UnitFolder, made: &Battery, judged_by: &[OsString], threads: usize, out: &Path) -> anyhow::Result<()> {
     let path = JudgingMethod::Diagnosis.report_path(out, &case.name);
     if !is_there(&path)? {
         return Ok(());

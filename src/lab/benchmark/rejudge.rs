@@ -6,7 +6,7 @@ use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::decision::posterior::Posterior;
 use govtwin_diagnosis::hypotheses::table::EvidenceTable;
 use govtwin_diagnosis::result::schema::{DiagnosisReport, GapLocation, ReportedGap};
-use govtwin_diagnosis::result::{Blame, Interval, Ranked, Verdict};
+use govtwin_diagnosis::result::{Blame, Interval, Ranked, Remainder, Verdict};
 use govtwin_model::effects::{EffectSpec, find};
 
 /// The verdict on a unit by these numbers and this table; sizes and explained fraction stay those of the report where it blames the same.
@@ -46,6 +46,7 @@ pub fn rejudged(report: &DiagnosisReport, table: &EvidenceTable, numbers: &Hyper
         effects,
         ranking,
         gap: ReportedGap { explained_fraction, ..report.gap.clone() },
+        remainder: report.remainder.clone().map(|one| Remainder { something_else: decision.something_else, ..one }),
         ..report.clone()
     }
 }
