@@ -139,10 +139,11 @@ fn a_unit_that_swings_of_itself_is_named_by_its_loudness() {
 fn a_neighbour_of_what_the_catalogue_lacks_is_doubted() {
     let leak = find("servo_leak").unwrap().parameters[0];
     let said = judged(Some(("servo_leak", 1.5 * leak.typical)));
-    // It leaves little more than a right equation would, but only with a sheet that is far off.
+    // It leaves little more than a right equation would, but only with a sheet that is far off: something else is at work, beside it or instead.
     let of = |id: &str| said.ranking.iter().find(|one| one.id == id).unwrap().probability;
-    assert!(of("unknown") > 0.3 && of("lvdt_bias") < 0.7, "{:?}", said.ranking);
-    assert!(of("unknown") > 30.0 * of("port_overlap") && of("unknown") > 100.0 * of("none"), "{:?}", said.ranking);
+    let something_else = said.remainder.as_ref().unwrap().something_else;
+    assert!(something_else > 0.3 && something_else >= of("unknown"), "{something_else} {:?}", said.ranking);
+    assert!(something_else > 30.0 * of("port_overlap") && something_else > 100.0 * of("none"), "{:?}", said.ranking);
     assert!(said.notes.iter().any(|note| note.contains("tolerances") && note.contains("sheet")), "{:?}", said.notes);
 }
 

@@ -58,8 +58,9 @@ fn what_the_twin_simulated_says_nothing_beside_what_was_measured() {
         seed: 1,
     };
     let streams = generate::streams(&scenario);
-    let [own, other] = [("generate", govtwin_bag::TWIN), ("blind --generate", "other")].map(|by| {
-        let path = dir.path().join(by.1);
+    let own_and_other = [("own", ("generate", govtwin_bag::TWIN)), ("other", ("blind --generate", "another"))];
+    let [own, other] = own_and_other.map(|(name, by)| {
+        let path = dir.path().join(name);
         write(by, scenario.process, scenario.seed, &streams, &path).unwrap().place().unwrap();
         path
     });
