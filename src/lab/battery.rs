@@ -294,7 +294,8 @@ fn bench(unit: &Unit, case: &Case) -> (TestRig, Vec<TrueFault>) {
         odd: Mismatch::draw(
             &parameters,
             &UnitSize::new(&sound.parameters),
-            case.mismatch,
+            // Where the plant is the twin itself only the strength of its faults is measured on the bench, of a usual plant.
+            if case.mismatch > 0.0 { case.mismatch } else { 1.0 },
             &mut Draw::new(case.seed, Question::Mismatch, 0),
         ),
         readings: readings(case.seed),

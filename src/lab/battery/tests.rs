@@ -79,6 +79,7 @@ fn at_no_mismatch_the_plant_is_the_twin() {
     let case = Case { name: String::new(), kind, rate_hz: 100.0, rich: false, mismatch: 0.0, seed: 4, alone: None };
     let truth = true_values(&sheet, &case).unwrap();
     assert_eq!(truth.effects.len(), 1);
+    assert!(strength(&sheet, &case) > 1.0);
     for recording in make(&sheet, &case).recordings() {
         let recording = PreparedRecording::new(recording);
         let estimates = recording.run(&mut Twin::new(&truth));
