@@ -143,14 +143,13 @@ impl TableHead {
 
     /// A column of seconds and the one of their nanoseconds, as messages have them: their names differ by the unit alone.
     fn seconds(&self) -> Option<Vec<usize>> {
-        let place = |wanted: (&str, usize)| {
-            self.names.iter().position(|name| {
-                let (before, unit) = last_word(name);
-                before == wanted.0 && PARTS.iter().any(|(word, digits)| *word == unit && *digits == wanted.1)
-            })
-        };
-        let seconds = self.names.iter().enumerate().filter(|(_, name)| SECONDS.contains(&last_word(name).1.as_str()));
-        seconds.into_iter().find_map(|(second, name)| Some(vec![second, place((&last_word(name).0, 9))?]))
+        let nanoseconds =
+            |of: &str| self.names.iter().position(|name| fraction_digits(name) == Some(9) && last_word(name).0 == of);
+        self.names.iter().enumerate().find_map(|(second, name)| {
+            let (of, unit) = last_word(name);
+            let is_second = SECONDS.contains(&unit.as_str());
+            is_second.then(|| nanoseconds(&of)).flatten().map(|part| vec![second, part])
+        })
     }
 
     /// Whether a column, by its name, is the part of the second of times in other columns.

@@ -124,37 +124,38 @@ fn written<R: TableRecords>(
 ) -> Result<Timing, ImportError> {
     let wrong = |problem: String| ImportError::file(&head.path, problem);
     let fraction = Fraction::of(head, &columns);
-    let clock = |format: Format| TimeReader::new(format, &map.time, &head.numbers).map_err(wrong);
-    if let Some(text) = &map.time.format {
-        let format = Format::of(text).map_err(|problem| wrong(format!("time.format: {problem}")))?;
-        return Ok(Timing {
-            group: TimeGroup {
-                columns,
-                clock: clock(format)?,
-                native: false,
-                may_be_blank: of != TimeOf::All,
-                of,
-                fraction,
-            },
-            note,
-        });
-    }
+    let (format, native, note) = match &map.time.format {
+        Some(text) => {
+            let format = Format::of(text).map_err(|problem| wrong(format!("time.format: {problem}")))?;
+            (format, false, note)
+        }
+        None => found(head, open, (&columns, fraction, &of), note)?,
+    };
+    let clock = TimeReader::new(format, &map.time, &head.numbers).map_err(wrong)?;
+    let may_be_blank = of != TimeOf::All;
+    Ok(Timing { group: TimeGroup { columns, clock, native, of, may_be_blank, fraction }, note })
+}
+
+/// How the times in some columns are written by what stands there, whether the file itself says it, and the note with the reason.
+fn found<R: TableRecords>(
+    head: &TableHead,
+    open: &impl Fn() -> Result<R, ImportError>,
+    (columns, fraction, of): (&[usize], Option<Fraction>, &TimeOf),
+    note: String,
+) -> Result<(Format, bool, String), ImportError> {
+    let wrong = |problem: String| ImportError::file(&head.path, problem);
     let mut records = open()?;
     let mut texts = vec![];
     let mut native = false;
     while texts.len() < SAMPLED && records.advance()? {
         native |= matches!(records.value(columns[0]), ChannelValue::Time(_) | ChannelValue::Local(_));
-        let text = time_text(&records, &columns, fraction);
-        if of == TimeOf::All || !text.trim().is_empty() {
+        let text = time_text(&records, columns, fraction);
+        if *of == TimeOf::All || !text.trim().is_empty() {
             texts.push(text);
         }
     }
     if native {
-        let clock = clock(Format::Epoch { unit_ns: 1, zero_s: 0 })?;
-        return Ok(Timing {
-            group: TimeGroup { columns, clock, native: true, may_be_blank: of != TimeOf::All, of, fraction },
-            note,
-        });
+        return Ok((Format::Epoch { unit_ns: 1, zero_s: 0 }, true, note));
     }
     if texts.is_empty() {
         return Err(wrong("expected lines of data below the header, found none".into()));
@@ -162,18 +163,7 @@ fn written<R: TableRecords>(
     let (name, unit) = (&head.names[columns[0]], head.units.get(columns[0]).map_or("", String::as_str));
     let detected = detect(&texts, name, unit, &head.numbers).map_err(wrong)?;
     let known = if note.is_empty() { format!("time is column `{name}`") } else { note };
-    let note = format!("{known}: {}", detected.why);
-    Ok(Timing {
-        group: TimeGroup {
-            columns,
-            clock: clock(detected.format)?,
-            native: false,
-            may_be_blank: of != TimeOf::All,
-            of,
-            fraction,
-        },
-        note,
-    })
+    Ok((detected.format, false, format!("{known}: {}", detected.why)))
 }
 
 /// Times that count for some columns alone: those that the map gives to signals, and in pairs of time and value side by side those of each pair.
