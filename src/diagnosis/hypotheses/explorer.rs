@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use rayon::iter::{
     IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelExtend, ParallelIterator,
 };
@@ -68,6 +68,11 @@ pub struct Hypothesis {
 }
 
 impl Hypothesis {
+    /// Whether it is a smaller set, and all of its effects are among these.
+    pub(super) fn is_within(&self, effects: &[usize]) -> bool {
+        self.effects.len() < effects.len() && self.effects.iter().all(|effect| effects.contains(effect))
+    }
+
     /// Weighs a fitted model, at an error of equations of `kappa`.
     pub(super) fn new(shared: &Shared, kappa: f64, effects: Vec<usize>, model: FittedModel, refined: bool) -> Self {
         let normal = shared.normal(&model);
@@ -241,17 +246,16 @@ impl<'a> Explorer<'a> {
         leader: &'b FittedModel,
         sheet: &'b FittedModel,
     ) -> Vec<(&'b FittedModel, Proposal)> {
-        let still = |point: &FittedModel| DVector::zeros(point.free_parameters.len());
-        let stand = |removed| Proposal { effects: Vec::new(), removed, log_evidence: 0.0, change: still(leader) };
-        let own = self.members(leader, &stand(Vec::new()));
+        let own = self.members(leader, &Proposal::at(leader, Vec::new()));
         let from_sheet = |left: Option<usize>| {
             let kept = (0..own.len()).filter(|&k| Some(k) != left).map(|k| own[k]).collect();
-            (sheet, Proposal { effects: kept, removed: Vec::new(), log_evidence: 0.0, change: still(sheet) })
+            (sheet, Proposal::at(sheet, kept))
         };
+        let without = |left: usize| Proposal { removed: vec![left], ..Proposal::at(leader, Vec::new()) };
         let mut jobs = vec![from_sheet(None)];
         if own.len() > 1 {
             jobs.extend((0..own.len()).map(|left| from_sheet(Some(left))));
-            jobs.extend((0..own.len()).map(|left| (leader, stand(vec![left]))));
+            jobs.extend((0..own.len()).map(|left| (leader, without(left))));
         }
         jobs
     }
@@ -263,13 +267,7 @@ impl<'a> Explorer<'a> {
         model: &'b FittedModel,
         is_open: impl Fn(&[usize]) -> bool,
     ) -> Vec<(&'b FittedModel, Proposal)> {
-        let change = DVector::zeros(model.free_parameters.len());
-        let of = |left: usize| Proposal {
-            effects: Vec::new(),
-            removed: vec![left],
-            log_evidence: 0.0,
-            change: change.clone(),
-        };
+        let of = |left: usize| Proposal { removed: vec![left], ..Proposal::at(model, Vec::new()) };
         let is_open = |proposal: &Proposal| {
             let effects: Vec<usize> = self.members(model, proposal).into_iter().map(|(effect, _)| effect).collect();
             is_open(&effects)
@@ -283,18 +281,10 @@ impl<'a> Explorer<'a> {
         set: &Hypothesis,
         within: &'b Hypothesis,
     ) -> impl Iterator<Item = (&'b FittedModel, Proposal)> + use<'b> {
-        let stand = |model: &FittedModel| Proposal {
-            effects: Vec::new(),
-            removed: Vec::new(),
-            log_evidence: 0.0,
-            change: DVector::zeros(model.free_parameters.len()),
-        };
-        let mut further = self.members(&set.model, &stand(&set.model));
+        let mut further = self.members(&set.model, &Proposal::at(&set.model, Vec::new()));
         further.retain(|(effect, _)| !within.effects.contains(effect));
         let nothing = further.iter().map(|&(effect, _)| (effect, Variant { size: 0.0, further: 0.0 })).collect();
-        let within = &within.model;
-        let begun = stand(within);
-        [nothing, further].map(|effects| (within, Proposal { effects, ..begun.clone() })).into_iter()
+        [nothing, further].map(|effects| (&within.model, Proposal::at(&within.model, effects))).into_iter()
     }
 
     /// Fits hypotheses on with care.

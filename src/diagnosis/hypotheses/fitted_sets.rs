@@ -40,10 +40,8 @@ impl KnownSets {
 
     /// The cheapest set that a set holds, where it costs less than the set itself.
     fn cheaper_within(&self, set: &Hypothesis) -> Option<&Hypothesis> {
-        let is_within = |one: &&Hypothesis| {
-            one.effects.len() < set.effects.len() && one.effects.iter().all(|effect| set.effects.contains(effect))
-        };
-        let least = self.fitted.values().filter(is_within).min_by(|a, b| a.model.cost().total_cmp(&b.model.cost()))?;
+        let within = self.fitted.values().filter(|one| one.is_within(&set.effects));
+        let least = within.min_by(|a, b| a.model.cost().total_cmp(&b.model.cost()))?;
         (least.model.cost() + UNTOLD < set.model.cost()).then_some(least)
     }
 
@@ -84,10 +82,8 @@ impl KnownSets {
         self.settle(explorer.refined(&chosen));
         // What leads is compared with what it holds: each effect of it must be worth its odds.
         let leading: Vec<Vec<usize>> = self.ordered().iter().take(COMPARED).map(|one| one.effects.clone()).collect();
-        let is_within = |one: &&Hypothesis| {
-            let holds = |set: &Vec<usize>| one.effects.iter().all(|effect| set.contains(effect));
-            leading.iter().any(|set| one.effects.len() + 1 == set.len() && holds(set))
-        };
+        let is_within =
+            |one: &&Hypothesis| leading.iter().any(|set| one.effects.len() + 1 == set.len() && one.is_within(set));
         let within: Vec<Hypothesis> =
             self.fitted.values().filter(is_within).filter(|one| !one.refined).cloned().collect();
         self.settle(explorer.refined(&within));

@@ -42,6 +42,14 @@ pub struct Proposal {
     pub change: DVector<f64>,
 }
 
+impl Proposal {
+    /// Of these effects more at a point, and none of its own less, where it stands.
+    pub(super) fn at(point: &FittedModel, effects: Vec<(usize, Variant)>) -> Self {
+        let change = DVector::zeros(point.free_parameters.len());
+        Self { effects, removed: Vec::new(), log_evidence: 0.0, change }
+    }
+}
+
 /// The picture.
 #[derive(Debug)]
 pub struct Linearisation {
