@@ -65,7 +65,7 @@ impl Decision {
             let at = posterior.unknown.iter().find(|(id, _)| id == stage.id());
             (stage, at.map_or(0.0, |(_, probability)| *probability))
         };
-        let something_else = posterior.something_else.max(unknown);
+        let something_else = posterior.something_else;
         let (verdict, mut blamed) = if none >= unknown.max(known) {
             (Verdict::NoGap, Vec::new())
         } else if unknown > known {
@@ -166,13 +166,14 @@ mod tests {
     use super::*;
     use govtwin_model::effects::find;
 
+    fn row(ids: &[&str], cost: f64) -> EvidenceRow {
+        EvidenceRow { effects: ids.iter().map(|id| (*id).to_owned()).collect(), cost, ..EvidenceRow::default() }
+    }
+
     /// The decision on fault sets with these probabilities, the rest unknown at the spool.
     fn decided(sets: &[(&[&str], f64)]) -> Decision {
-        let row = |ids: &[&str]| EvidenceRow {
-            effects: ids.iter().map(|id| (*id).to_owned()).collect(),
-            ..EvidenceRow::default()
-        };
-        let table = EvidenceTable { rows: sets.iter().map(|(ids, _)| row(ids)).collect(), ..EvidenceTable::default() };
+        let rows = sets.iter().map(|(ids, _)| row(ids, 0.0)).collect();
+        let table = EvidenceTable { rows, ..EvidenceTable::default() };
         let known: f64 = sets.iter().map(|(_, p)| p).sum();
         let posterior = Posterior {
             sets: sets.iter().enumerate().map(|(row, (_, p))| (row, *p)).collect(),
@@ -197,11 +198,6 @@ mod tests {
     /// Where something else is at work an effect that explains little of what is left without it is not named: it may stand in for that.
     #[test]
     fn what_only_mends_a_law_is_not_named_beside_something_else() {
-        let row = |ids: &[&str], cost: f64| EvidenceRow {
-            effects: ids.iter().map(|id| (*id).to_owned()).collect(),
-            cost,
-            ..EvidenceRow::default()
-        };
         let rows = vec![row(&["backlash", "load"], 8200.0), row(&["backlash"], 8600.0), row(&[], 26_000.0)];
         let table = EvidenceTable { samples: 1600.0, rows, ..EvidenceTable::default() };
         let catalogue: Vec<&'static EffectSpec> = ["backlash", "load"].iter().filter_map(|id| find(id)).collect();

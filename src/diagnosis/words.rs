@@ -316,7 +316,7 @@ pub fn remains(diagnosis: &Diagnosis) -> Option<String> {
     });
     let places: Vec<String> = stage.into_iter().chain(largest).collect();
     let places = if places.is_empty() { String::new() } else { format!(": {}", places.join("; ")) };
-    let as_well = if one.something_else > 0.5 && !diagnosis.blamed.is_empty() {
+    let as_well = if one.says_something_else() && !diagnosis.blamed.is_empty() {
         format!(" Something else is at work as well, with a probability of {}.", percent(one.something_else))
     } else {
         String::new()

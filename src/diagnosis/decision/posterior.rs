@@ -109,16 +109,18 @@ impl Posterior {
 
 /// The fault sets of a table with their probabilities, without sets of struck effects.
 fn weighed(table: &EvidenceTable, numbers: &Hyperparameters, struck: &[&str]) -> Vec<Weighed> {
-    let allowed = |row: &&EvidenceRow| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
-    let rows: Vec<(usize, &EvidenceRow)> = table.rows.iter().enumerate().filter(|(_, row)| allowed(row)).collect();
-    let gap = |row: &EvidenceRow| Gap::new(table, row);
-    let scores: Vec<f64> = rows.iter().map(|(_, row)| score(table, numbers, row, gap(row))).collect();
+    let allowed = |row: &EvidenceRow| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
+    let empty = table.rows.iter().find(|row| row.effects.is_empty()).map(|row| row.cost);
+    let of = |row: &EvidenceRow| Gap::new(table.samples.max(1.0), empty.unwrap_or(row.cost), row);
+    let numbered = table.rows.iter().enumerate().filter(|(_, row)| allowed(row));
+    let rows: Vec<(usize, &EvidenceRow, Gap)> = numbered.map(|(number, row)| (number, row, of(row))).collect();
+    let scores: Vec<f64> = rows.iter().map(|(_, row, gap)| score(table, numbers, row, *gap)).collect();
     let total = log_sum(scores.iter().copied());
-    let one = |(&(row, fitted), score): (&(usize, &EvidenceRow), &f64)| Weighed {
+    let one = |(&(row, fitted, gap), score): (&(usize, &EvidenceRow, Gap), &f64)| Weighed {
         row,
         share: (score - total).exp(),
-        unexplained: unexplained(table, numbers, fitted, gap(fitted)),
-        instead: gap(fitted).instead(table.samples.max(1.0), numbers.error_spread),
+        unexplained: unexplained(table, numbers, fitted, gap),
+        instead: gap.instead(table.samples.max(1.0), numbers.error_spread),
     };
     rows.iter().zip(&scores).map(one).filter(|one| one.share.is_finite()).collect()
 }
@@ -133,9 +135,9 @@ struct Gap {
 }
 
 impl Gap {
-    fn new(table: &EvidenceTable, row: &EvidenceRow) -> Self {
-        let empty = table.rows.iter().find(|row| row.effects.is_empty()).map_or(row.cost, |row| row.cost);
-        let left = row.cost.max(LEAST_COST * table.samples.max(1.0));
+    /// Of a set, where nothing but the sheet costs so much.
+    fn new(samples: f64, empty: f64, row: &EvidenceRow) -> Self {
+        let left = row.cost.max(LEAST_COST * samples);
         Self { explained: if empty.is_finite() { (empty - left).max(0.0) } else { 0.0 }, left }
     }
 

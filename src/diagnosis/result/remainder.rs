@@ -29,6 +29,14 @@ pub struct Remainder {
     pub largest: Option<LargestError>,
 }
 
+impl Remainder {
+    /// Whether something else is likelier at work than not.
+    #[must_use]
+    pub fn says_something_else(&self) -> bool {
+        self.something_else > 0.5
+    }
+}
+
 /// The stretch of all recordings in which a twin is farthest off.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LargestError {
