@@ -229,8 +229,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         failed.extend(unexamined);
         realised
     });
-    let origin =
-        if made.is_some() { made.as_ref().map(|made| made.origin().to_owned()) } else { origin::of(&args.dir) };
+    let origin = made.as_ref().map_or_else(|| origin::of(&args.dir), |made| Some(made.origin().to_owned()));
     let mut made_from = provenance::new("blind", &sheet, made.is_some().then_some(args.seed))?;
     made_from.unit = args.dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     made_from.recordings = expected.inputs(origin.as_deref());

@@ -223,13 +223,13 @@ enum BagMessage {
 /// Writes the messages of a process as a bag folder under a temporary name; it says that it is synthetic, by which command, and whose equations it
 /// follows.
 pub fn write(
-    (command, simulator): (&str, &str),
+    by: (&str, &str),
     process: Process,
     seed: u64,
     streams: &GeneratedStreams,
     dir: &Path,
 ) -> anyhow::Result<Sealed> {
-    put((command, simulator), process, seed, streams, dir).with_context(|| format!("cannot write {}", dir.display()))
+    put(by, process, seed, streams, dir).with_context(|| format!("cannot write {}", dir.display()))
 }
 
 fn put(

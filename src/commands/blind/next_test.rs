@@ -17,10 +17,13 @@ use crate::commands::report_file::{self, is_there};
 /// Folder of the second diagnosis in a unit's folder of reports.
 const FOLDER: &str = "next_test";
 
+/// Its report.
+const REPORT: &str = "report.json";
+
 /// Entropy of a posterior from which its test is run, bits: less leaves nothing to settle.
 const OPEN_BITS: f64 = 0.1;
 
-/// Where the second report of a unit is.
+/// Where the second diagnosis of a unit is.
 fn folder(out: &Path, unit: &str) -> PathBuf {
     out.join(unit).join(FOLDER)
 }
@@ -36,7 +39,7 @@ pub fn forget(out: &Path, unit: &str) -> anyhow::Result<()> {
 
 /// What was said of a unit with the answer to its test; none where none was run.
 pub fn report(out: &Path, unit: &str) -> anyhow::Result<Option<DiagnosisReport>> {
-    let path = folder(out, unit).join("report.json");
+    let path = folder(out, unit).join(REPORT);
     if is_there(&path)? { report_file::diagnosis(&path).map(Some) } else { Ok(None) }
 }
 
@@ -60,15 +63,13 @@ pub fn run_all(
 /// Runs the best test that a unit's report proposes where something is open, and diagnoses the unit with its answer beside the recordings.
 fn run(case: &UnitFolder, made: &Battery, judged_by: &[OsString], threads: usize, out: &Path) -> anyhow::Result<()> {
     let path = JudgingMethod::Diagnosis.report_path(out, &case.name);
-    if !is_there(&path)? {
+    let tested = folder(out, &case.name);
+    if !is_there(&path)? || is_there(&tested.join(REPORT))? {
         return Ok(());
     }
     let first = report_file::diagnosis(&path)?;
-    let proposed = proposed(&first).filter(|one| one.entropy_bits >= OPEN_BITS);
-    let Some(proposed) = proposed.filter(|_| report(out, &case.name).is_ok_and(|known| known.is_none())) else {
-        return Ok(());
-    };
+    let Some(proposed) = proposed(&first).filter(|one| one.entropy_bits >= OPEN_BITS) else { return Ok(()) };
     let answer = tempfile::tempdir().context("no temporary folder for the answer to a test")?;
     let Some(bag) = made.answer(&case.name, proposed, answer.path())? else { return Ok(()) };
-    diagnose(case, Some(&bag), judged_by, threads, &folder(out, &case.name))
+    diagnose(case, Some(&bag), judged_by, threads, &tested)
 }

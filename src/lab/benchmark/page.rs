@@ -103,9 +103,9 @@ pub fn page(
         format!(
             "Strength: RMS change of the most affected recorded signal due to the faults, over its noise floor. Of missed units, expected: twice \
              the log Bayes factor that the missed fault should gain by the catalogue's equation, with data sheet and answer fitted against it; \
-             left: χ² of the answer's model above that of a right model. A miss lies with information if expected or left is below {SEEN}; otherwise \
-             with the search if its regret is above 1 %; otherwise with the verdict if the true set leads by the evidence, and with the model if \
-             another one does."
+             left: χ² of the answer's model above that of a right model. A miss lies with information if expected is below {SEEN}; otherwise \
+             with the search if its regret is above 1 % and {SEEN}; otherwise with information if left is below {SEEN}; otherwise with the verdict if \
+             the true set leads by the evidence, and with the model if another one does."
         ),
     );
     Ok(page)

@@ -6,7 +6,7 @@ use crate::benchmark::scored_report::ScoredReport as _;
 use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::decision::posterior::likeliest;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
-use govtwin_diagnosis::result::{Regret, Verdict};
+use govtwin_diagnosis::result::{Regret, Remainder, Verdict};
 
 /// Gain in likelihood, as −2 ln, from which something can be told: a log Bayes factor of 10, of which the odds against any effect take half.
 pub const SEEN: f64 = 20.0;
@@ -89,7 +89,7 @@ impl ScoredUnit {
 
     /// Whether the report says that something outside the catalogue is at work: instead of known causes, or beside them.
     pub(super) fn says_something_else(&self) -> bool {
-        let beside = self.report.remainder.as_ref().is_some_and(|one| one.something_else > 0.5);
+        let beside = self.report.remainder.as_ref().is_some_and(Remainder::says_something_else);
         self.says(Verdict::Unknown) || self.report.detects() && beside
     }
 
