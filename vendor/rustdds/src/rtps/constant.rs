@@ -16,6 +16,9 @@ use crate::{
 
 pub const PREEMPTIVE_ACKNACK_PERIOD: Duration = Duration::from_secs(5);
 
+// Time after a match at which a writer that sent nothing is asked once more.
+pub const PREEMPTIVE_ACKNACK_REPEAT: Duration = Duration::from_millis(20);
+
 pub const CACHE_CLEAN_PERIOD: Duration = Duration::from_secs(4);
 
 // RTPS spec Section 8.4.7.1.1 "Default Timing-Related Values" suggests 200 ms,

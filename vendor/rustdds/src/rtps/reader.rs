@@ -42,7 +42,9 @@ use crate::{
   network::udp_sender::UDPSender,
   polling::{ReadySender, SharedTimer, WakeReceiver},
   rtps::{
-    constant::{MAX_PLAUSIBLE_SEQUENCE_NUMBER, MAX_UNMATCHED_ASSEMBLERS},
+    constant::{
+      MAX_PLAUSIBLE_SEQUENCE_NUMBER, MAX_UNMATCHED_ASSEMBLERS, PREEMPTIVE_ACKNACK_REPEAT,
+    },
     fragment_assembler::FragmentAssembler,
     message_receiver::MessageReceiverState,
     rtps_writer_proxy::RtpsWriterProxy,
@@ -70,6 +72,7 @@ use crate::no_security::SecurityPluginsHandle;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TimedEvent {
   DeadlineMissedCheck,
+  RepeatPreemptiveAcknack { writer: GUID },
 }
 
 // Some pieces necessary to construct a reader.
@@ -328,6 +331,7 @@ impl Reader {
         self.handle_requested_deadline_event();
         self.set_requested_deadline_check_timer(); // re-prime timer
       }
+      TimedEvent::RepeatPreemptiveAcknack { writer } => self.repeat_preemptive_acknack(writer),
     }
   }
 
@@ -429,6 +433,13 @@ impl Reader {
               self.send_preemptive_acknack_to(&mut writer_proxy);
               self.matched_writers.insert(writer, writer_proxy);
             }
+            self.timed_event_timer.borrow_mut().set_timeout(
+              PREEMPTIVE_ACKNACK_REPEAT,
+              DpTimerEvent::Reader {
+                entity_id: self.my_guid.entity_id,
+                event: TimedEvent::RepeatPreemptiveAcknack { writer },
+              },
+            );
           }
         }
       }
@@ -1461,6 +1472,19 @@ impl Reader {
     self.matched_writers = writer_proxies;
   }
 
+  // FastDDS ignores a request for a sample that it sent less than a turn of its
+  // event thread ago. What was sent just before we matched is requested so early
+  // that the request is lost, and the next HEARTBEAT comes after 3 s: where nothing
+  // came from the writer, it is asked again.
+  fn repeat_preemptive_acknack(&mut self, writer: GUID) {
+    if let Some(mut writer_proxy) = self.matched_writers.remove(&writer) {
+      if writer_proxy.last_change_timestamp().is_none() {
+        self.send_preemptive_acknack_to(&mut writer_proxy);
+      }
+      self.matched_writers.insert(writer, writer_proxy);
+    }
+  }
+
   // An ACKNACK without the final flag requests an immediate HEARTBEAT from the
   // writer.
   fn send_preemptive_acknack_to(&self, writer_proxy: &mut RtpsWriterProxy) {
@@ -1914,10 +1938,20 @@ mod tests {
 
     // 7. Count of acknack sent should be 3: the preemptive one on match and the
     // two above. The count is verified from the writer proxy
-    let writer_proxy = reader
-      .matched_writer(writer_guid)
-      .expect("Did not find a matched writer");
-    assert_eq!(writer_proxy.sent_ack_nack_count, 3);
+    let sent = |reader: &Reader| {
+      let writer_proxy = reader.matched_writer(writer_guid);
+      writer_proxy.expect("Did not find a matched writer").sent_ack_nack_count
+    };
+    assert_eq!(sent(&reader), 3);
+
+    // 8. As nothing came, the preemptive one is repeated; not once a sample is there.
+    let repeat = TimedEvent::RepeatPreemptiveAcknack { writer: writer_guid };
+    reader.handle_timed_event(repeat);
+    assert_eq!(sent(&reader), 4);
+    let proxy = reader.matched_writers.get_mut(&writer_guid).unwrap();
+    proxy.received_changes_add(SequenceNumber::new(1), Timestamp::now());
+    reader.handle_timed_event(repeat);
+    assert_eq!(sent(&reader), 4);
   }
 
   #[test]
