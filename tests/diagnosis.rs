@@ -1,5 +1,6 @@
 //! The diagnosis on generated units: what is planted is named, what is not is not, and nothing is said on too little.
 
+use govtwin_diagnosis::evidence::distortion::Place;
 use govtwin_diagnosis::generate::{Scenario, recording, spread};
 use govtwin_diagnosis::hypotheses::explore;
 use govtwin_diagnosis::identification::free_parameter::FreeParameter;
@@ -11,9 +12,12 @@ use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::{Diagnosis, Verdict};
 use govtwin_diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
 use govtwin_model::effects::find;
+use govtwin_model::frame::Frame;
 use govtwin_model::parameters::{EffectSetting, Unit};
 use govtwin_model::params::reference;
 use govtwin_model::recording::{Process, Recording};
+use govtwin_model::signal::Signal;
+use govtwin_model::units::seconds_from_nanos;
 
 /// A few effects that resemble each other, so that a test takes seconds.
 const TRIED: [&str; 4] = ["backlash", "port_overlap", "lvdt_bias", "feedback_lag"];
@@ -169,6 +173,37 @@ fn a_sound_unit_has_no_gap() {
     assert_eq!(said.verdict, Verdict::NoGap, "{:?}", said.ranking);
     assert!(said.blamed.is_empty());
     assert!(said.stage.is_none());
+}
+
+/// What no effect of the catalogue explains shows where it stands out, however small it is in all.
+#[test]
+fn what_stands_out_somewhere_is_no_sound_unit() {
+    let odd = |change: fn(f64, &mut Frame)| {
+        let mut recordings = recordings(&unit(3, None), &Process::ALL, 3);
+        for recording in &mut recordings[..2] {
+            let start_ns = recording.frames[0].time_ns;
+            recording.frames.iter_mut().for_each(|frame| change(seconds_from_nanos(frame.time_ns - start_ns), frame));
+        }
+        diagnose(recordings, &reference(), &settings(), &|_, _| ()).unwrap()
+    };
+    let strongest = |said: &Diagnosis| said.table.rows.iter().find_map(|row| row.distortion.clone()).unwrap();
+    let sound = odd(|_, _| ());
+    assert_eq!(sound.verdict, Verdict::NoGap);
+    assert!(strongest(&sound).p_value > 0.05, "{:?}", strongest(&sound));
+    // The spool's transducer sits elsewhere for some seconds.
+    let jumped = odd(|time_s, frame| {
+        if (12.0..20.0).contains(&time_s) {
+            frame.measured.spool_position_pu += 0.01;
+        }
+    });
+    assert_ne!(jumped.verdict, Verdict::NoGap, "{:?}", strongest(&jumped));
+    assert_eq!(strongest(&jumped).signal, Signal::SpoolPosition);
+    // Something swings the servomotor.
+    let swung = odd(|time_s, frame| {
+        frame.measured.servomotor_position_pu += 1.0e-3 * (std::f64::consts::TAU * 0.45 * time_s).sin();
+    });
+    assert_ne!(swung.verdict, Verdict::NoGap, "{:?}", strongest(&swung));
+    assert!(matches!(strongest(&swung).place, Place::Frequency { hz, .. } if (hz - 0.45).abs() < 0.05));
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! terms gain is counted with the free parameters following; what these could gain alone is not, since a fit went where it could. A discrepancy term of which every point of the chain has a
 //! little is the error of equations; much of it at one point is something unknown there.
 
+pub mod distortion;
 pub mod law_error;
 pub mod parts;
 
@@ -172,6 +173,12 @@ impl NormalEquations {
             return 0.0;
         }
         solved.rows_range(self.slopes..).norm_squared()
+    }
+
+    /// The error of equations that is likeliest, where laws are wrong by this much, in moderate discrepancy terms.
+    #[must_use]
+    pub fn likeliest_kappa(&self, law_error: f64) -> f64 {
+        KAPPAS.into_iter().max_by(|a, b| self.at(*a, law_error).total_cmp(&self.at(*b, law_error))).unwrap_or(KAPPAS[0])
     }
 
     /// Logarithm of the evidence with errors of equations and of laws of these sizes.

@@ -156,7 +156,9 @@ pub fn diagnose(
     table.assumed_sheet = settings.judged_by == JudgedBy::AssumedSheet;
     stage_only::left_out::add(&mut table, &problem, &explored, &ready);
     let numbers = Hyperparameters::shipped();
-    table.look_at_parts(&problem, &explored, &leaders(&table, &numbers));
+    let leading = leaders(&table, &numbers);
+    table.look_at_parts(&problem, &explored, &leading);
+    table.look_for_distortions(&problem, &explored, &leading);
     let posterior = Posterior::new(&table, &numbers, &[]);
     let mut decision = Decision::new(&table, &posterior, &settings.catalogue);
     let mut notes = ready.notes.clone();
@@ -176,6 +178,7 @@ pub fn diagnose(
         &problem.recordings.iter().map(|recording| recording.name.clone()).collect::<Vec<_>>(),
     ));
     notes.extend(stretched(&explored, &decision));
+    notes.extend(stands_out(&table, &decision));
     explored.complete(&problem, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
     progress("gathering what the report shows", 0.9);
     let judged = Judged {
@@ -221,6 +224,24 @@ fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
          the sheet or widen its tolerances if you know better.",
         far.join(" and ")
     ))
+}
+
+/// A reader hears of a distortion that is less likely by chance than this.
+const RARE: f64 = 0.01;
+
+/// Where what the claimed twin leaves stands out.
+fn stands_out(table: &EvidenceTable, decision: &Decision) -> Option<String> {
+    let is_claimed = |effects: &[String]| {
+        effects.len() == decision.blamed.len() && decision.blamed.iter().all(|id| effects.iter().any(|one| one == id))
+    };
+    let distortion = table.rows.iter().find(|row| is_claimed(&row.effects))?.distortion.as_ref()?;
+    (distortion.p_value < RARE).then(|| {
+        format!(
+            "What the twin leaves stands out in the {}: by chance that happens with a probability of {:.0e}.",
+            distortion.words(),
+            distortion.p_value
+        )
+    })
 }
 
 /// Which recording a name rests on: without it the posterior would name something else, or nothing.

@@ -11,6 +11,7 @@
 use std::collections::BTreeMap;
 
 use crate::decision::hyperparameters::Hyperparameters;
+use crate::evidence::distortion::Distortion;
 use crate::evidence::parts::PartFit;
 use crate::hypotheses::table::{EvidenceRow, EvidenceTable, StageEvidence};
 use crate::likelihood::noise::log_sum;
@@ -35,6 +36,9 @@ const LEAST_SQUARE: f64 = 1e-12;
 
 /// Least χ², as a share of the independent samples: no fit is better than the rounding of its residuals.
 const LEAST_COST: f64 = 1e-6;
+
+/// Smaller p-values say no more: no tail is known that far.
+const LEAST_P: f64 = 1e-9;
 
 /// Probabilities of the hypotheses of a table.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -120,7 +124,7 @@ fn weighed(table: &EvidenceTable, numbers: &Hyperparameters, struck: &[&str]) ->
         row,
         share: (score - total).exp(),
         unexplained: unexplained(table, numbers, fitted, gap),
-        instead: gap.instead(table.samples.max(1.0), numbers.error_spread),
+        instead: gap.instead(table.samples.max(1.0), rare_distortion(table, fitted), numbers.error_spread),
     };
     rows.iter().zip(&scores).map(one).filter(|one| one.share.is_finite()).collect()
 }
@@ -143,8 +147,10 @@ impl Gap {
 
     /// Probability that something unknown acts instead of the set, where something else is at work: a half where the set explains half of the gap
     /// beyond noise, less where it explains more.
-    fn instead(self, samples: f64, spread: f64) -> f64 {
-        let beyond = (self.left - SOUND_MEAN_SQUARE * samples).max(0.0);
+    fn instead(self, samples: f64, distortion: Option<&Distortion>, spread: f64) -> f64 {
+        // What stands out is left as well, however much of the rest is a little less than noise.
+        let standing_out = distortion.map_or(0.0, |distortion| distortion.deviations.powi(2));
+        let beyond = (self.left - SOUND_MEAN_SQUARE * samples).max(0.0) + standing_out;
         if self.explained <= 0.0 { 1.0 } else { 1.0 / (1.0 + (self.explained / beyond).powf(1.0 / spread)) }
     }
 }
@@ -198,7 +204,26 @@ fn unexplained(table: &EvidenceTable, numbers: &Hyperparameters, row: &EvidenceR
     // A sheet is stretched by whatever its parameters have to stand in for.
     let stretched = (row.prior_per_parameter - 1.0) / numbers.sheet_error;
     let most = std::iter::once(whole).chain(of_parts).map(beyond).fold(stretched, f64::max);
-    if most <= 0.0 { 0.0 } else { 1.0 / (1.0 + most.powf(-1.0 / numbers.error_spread)) }
+    let by_size = most.max(0.0).powf(1.0 / numbers.error_spread);
+    // What stands out somewhere needs no size: something rare may be at work, as rare as a further effect.
+    let by_place = rare_distortion(table, row).map_or(1.0, distortion_odds);
+    let odds = by_size + (by_size + (-numbers.rarity).exp()) * (by_place - 1.0);
+    if odds.is_finite() { odds / (1.0 + odds) } else { 1.0 }
+}
+
+/// The distortion that a set is held against, where it is rare: the sheet alone against what it leaves, sets of effects against the least that any of them
+/// leaves of those that were looked at, so that their order stays.
+fn rare_distortion<'a>(table: &'a EvidenceTable, row: &EvidenceRow) -> Option<&'a Distortion> {
+    let alike = table.rows.iter().filter(|other| other.effects.is_empty() == row.effects.is_empty());
+    let least = alike.filter_map(|other| other.distortion.as_ref()).max_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    least.filter(|distortion| distortion.p_value < (-1.0_f64).exp())
+}
+
+/// By how much a distortion speaks for something else, as odds: `1 / (−e p ln p)` is the most that a p-value can say (Sellke, Bayarri & Berger 2001,
+/// *The American Statistician* 55(1), equation 2).
+fn distortion_odds(distortion: &Distortion) -> f64 {
+    let p = distortion.p_value.max(LEAST_P);
+    -1.0 / (std::f64::consts::E * p * p.ln())
 }
 
 /// Where something unknown acts, if it does: by what discrepancy terms at each stage gain, and by where the known effects act that come nearest to it.

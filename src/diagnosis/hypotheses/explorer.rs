@@ -26,7 +26,7 @@ use govtwin_model::twin::Cut;
 pub const KAPPA: f64 = 0.03;
 
 /// Error of laws that rankings count with, as a share of what an effect does.
-const LAW_ERROR: f64 = 0.05;
+pub(super) const LAW_ERROR: f64 = 0.05;
 
 /// Logarithm of the odds against each further effect that the exploration counts with; the posterior has learned odds of its own.
 pub(crate) const RARITY: f64 = 5.0;

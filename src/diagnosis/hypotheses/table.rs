@@ -5,9 +5,11 @@ use std::collections::BTreeMap;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
+use crate::evidence::Shared;
+use crate::evidence::distortion::Distortion;
 use crate::evidence::parts::{PartFit, excesses_of, parts};
 use crate::hypotheses::Explored;
-use crate::hypotheses::explorer::{Hypothesis, is_stage_alone};
+use crate::hypotheses::explorer::{Hypothesis, LAW_ERROR, is_stage_alone};
 use crate::likelihood::problem::Problem;
 use govtwin_model::effects::{EffectSpec, Stage};
 use govtwin_model::stored::{all_unbounded, unbounded};
@@ -35,6 +37,9 @@ pub struct EvidenceRow {
     /// What each part of the chain leaves on its own with these effects, over what a right model would; none where nobody looked.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<f64>,
+    /// The strongest distortion that it leaves; none where nobody looked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<Distortion>,
     /// Of a stage alone: mean square of what it misses on pieces left out, geometric mean of the pieces, pu²; none where that was not asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out_square: Option<f64>,
@@ -106,6 +111,21 @@ impl EvidenceTable {
         self.parts = parts;
     }
 
+    /// Looks for distortions in what these rows leave, where they were kept, and in what the sheet alone leaves.
+    pub fn look_for_distortions(&mut self, problem: &Problem, explored: &Explored, rows: &[usize]) {
+        if self.stage_alone.is_some() {
+            return;
+        }
+        let shared = Shared::new(problem, &explored.discrepancy, explored.refitted().cost());
+        for (row, hypothesis) in self.rows.iter_mut().zip(&explored.hypotheses).enumerate().filter_map(|(k, pair)| {
+            let asked = rows.contains(&k) || pair.1.effects.is_empty();
+            (asked && !pair.1.model.fit.slopes.is_empty()).then_some(pair)
+        }) {
+            let kappa = hypothesis.normal.likeliest_kappa(LAW_ERROR);
+            row.distortion = shared.distortion(problem, &hypothesis.model, &hypothesis.normal, (kappa, LAW_ERROR));
+        }
+    }
+
     /// The table of what was explored.
     #[must_use]
     pub fn new(problem: &Problem, explored: &Explored, catalogue: &[&'static EffectSpec]) -> Self {
@@ -129,6 +149,7 @@ impl EvidenceTable {
                 cost_without_each: hypothesis.normal.cost_without_each(),
                 sizes: sizes.collect(),
                 parts: Vec::new(),
+                distortion: None,
                 left_out_square: None,
             }
         };

@@ -3,8 +3,10 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::evidence::distortion::{Distortion, Place};
 use crate::evidence::parts::Part;
 use crate::hypotheses::table::StageEvidence;
+use govtwin_model::signal::Signal;
 
 /// Effects of random tables, each of another stage.
 const EFFECTS: [&str; 4] = ["backlash", "lvdt_bias", "viscosity", "pv_overlap"];
@@ -38,6 +40,11 @@ fn tables() -> impl Strategy<Value = EvidenceTable> {
 fn numbers() -> impl Strategy<Value = Hyperparameters> {
     let moves = proptest::collection::vec(-1.0..1.0_f64, Hyperparameters::LEARNED);
     moves.prop_map(|moves| Hyperparameters::usual().moved(&std::array::from_fn(|k| moves[k])))
+}
+
+fn distortion(p_value: f64) -> Distortion {
+    let place = Place::Frequency { recording: "startup".to_owned(), hz: 0.45 };
+    Distortion { signal: Signal::SpoolPosition, place, deviations: 5.0, p_value }
 }
 
 fn probability(posterior: &Posterior, row: usize) -> f64 {
@@ -82,6 +89,22 @@ proptest! {
         }
     }
 
+    /// What stands out in what sets leave speaks for something else, the more the less likely it is by chance, and leaves the order of the sets.
+    #[test]
+    fn a_distortion_speaks_for_something_else(table in tables(), numbers in numbers(), p in 1e-12..1.0_f64, by in 1e-6..1.0_f64) {
+        let with = |p_value: f64| {
+            let mut table = table.clone();
+            table.rows.iter_mut().take(4).for_each(|row| row.distortion = Some(distortion(p_value)));
+            Posterior::new(&table, &numbers, &[])
+        };
+        let [untested, chance, weak, strong] = [Posterior::new(&table, &numbers, &[]), with(0.5), with(p), with(p * by)];
+        prop_assert!(untested.something_else == chance.something_else);
+        prop_assert!(strong.something_else >= weak.something_else - 1e-12);
+        prop_assert!(weak.something_else >= chance.something_else - 1e-12);
+        let shares = |posterior: &Posterior| posterior.sets.iter().map(|(_, p)| p).sum::<f64>() + posterior.unknown();
+        prop_assert!((shares(&strong) - 1.0).abs() < 1e-9);
+    }
+
     /// Nobody knows the scale of the noise: where all residuals are so many times as large, the sets keep their order.
     #[test]
     fn a_common_factor_changes_no_ranking(table in tables(), numbers in numbers(), times in 0.01..100.0_f64) {
@@ -122,6 +145,32 @@ fn equations_that_are_a_little_wrong_are_no_fault() {
     let rows = vec![row(&["backlash"], 2600.0), row(&[], 2610.0)];
     let table = table(1600.0, rows);
     assert!(shipped(&table).nothing(&table) > 0.7, "{:?}", shipped(&table));
+}
+
+/// What is small in all and stands out somewhere is something unknown.
+#[test]
+fn a_distortion_is_not_nothing() {
+    let of = |p_value: f64| {
+        let mut table = table(1600.0, vec![row(&["backlash"], 1500.0), row(&[], 1510.0)]);
+        table.rows[1].distortion = Some(distortion(p_value));
+        shipped(&table)
+    };
+    assert!(of(0.01).unknown() < 0.1, "{:?}", of(0.01));
+    assert!(of(1e-7).unknown() > 0.9, "{:?}", of(1e-7));
+}
+
+/// A set that leaves what stands out explains nothing of it.
+#[test]
+fn a_set_that_leaves_a_distortion_is_not_named_for_a_little_else() {
+    let of = |p_value: f64, deviations: f64| {
+        let mut table = table(3000.0, vec![row(&["backlash"], 2600.0), row(&[], 2630.0)]);
+        table.rows.iter_mut().for_each(|row| row.distortion = Some(Distortion { deviations, ..distortion(p_value) }));
+        let posterior = shipped(&table);
+        (posterior.unknown(), posterior.inclusion(&table, "backlash"))
+    };
+    let [left, mended] = [of(1e-9, 7.3), of(1.0, 2.0)];
+    assert!(left.0 > 0.5 && left.1 < 0.5, "{left:?}");
+    assert!(mended.0 < 0.1 && mended.1 > left.1, "{mended:?}");
 }
 
 /// What the loop hides shows where it is cut; the stage is where discrepancy terms explain it.
