@@ -124,7 +124,7 @@ fn weighed(table: &EvidenceTable, numbers: &Hyperparameters, struck: &[&str]) ->
         row,
         share: (score - total).exp(),
         unexplained: unexplained(table, numbers, fitted, gap),
-        instead: gap.instead(table.samples.max(1.0), rare_distortion(table, fitted), numbers.error_spread),
+        instead: gap.instead(table.samples.max(1.0), numbers.error_spread),
     };
     rows.iter().zip(&scores).map(one).filter(|one| one.share.is_finite()).collect()
 }
@@ -147,10 +147,8 @@ impl Gap {
 
     /// Probability that something unknown acts instead of the set, where something else is at work: a half where the set explains half of the gap
     /// beyond noise, less where it explains more.
-    fn instead(self, samples: f64, distortion: Option<&Distortion>, spread: f64) -> f64 {
-        // What stands out is left as well, however much of the rest is a little less than noise.
-        let standing_out = distortion.map_or(0.0, |distortion| distortion.deviations.powi(2));
-        let beyond = (self.left - SOUND_MEAN_SQUARE * samples).max(0.0) + standing_out;
+    fn instead(self, samples: f64, spread: f64) -> f64 {
+        let beyond = (self.left - SOUND_MEAN_SQUARE * samples).max(0.0);
         if self.explained <= 0.0 { 1.0 } else { 1.0 / (1.0 + (self.explained / beyond).powf(1.0 / spread)) }
     }
 }

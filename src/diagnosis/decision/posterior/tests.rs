@@ -159,20 +159,6 @@ fn a_distortion_is_not_nothing() {
     assert!(of(1e-7).unknown() > 0.9, "{:?}", of(1e-7));
 }
 
-/// A set that leaves what stands out explains nothing of it.
-#[test]
-fn a_set_that_leaves_a_distortion_is_not_named_for_a_little_else() {
-    let of = |p_value: f64, deviations: f64| {
-        let mut table = table(3000.0, vec![row(&["backlash"], 2600.0), row(&[], 2630.0)]);
-        table.rows.iter_mut().for_each(|row| row.distortion = Some(Distortion { deviations, ..distortion(p_value) }));
-        let posterior = shipped(&table);
-        (posterior.unknown(), posterior.inclusion(&table, "backlash"))
-    };
-    let [left, mended] = [of(1e-9, 7.3), of(1.0, 2.0)];
-    assert!(left.0 > 0.5 && left.1 < 0.5, "{left:?}");
-    assert!(mended.0 < 0.1 && mended.1 > left.1, "{mended:?}");
-}
-
 /// What the loop hides shows where it is cut; the stage is where discrepancy terms explain it.
 #[test]
 fn a_part_that_does_not_follow_its_input_is_not_nothing() {
