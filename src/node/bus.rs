@@ -1,6 +1,7 @@
 //! The node on DDS: participant, names, topics and their QoS; the only file that opens and closes them.
 
 mod graph;
+mod listed_writer;
 
 use std::collections::BTreeSet;
 
@@ -17,13 +18,14 @@ use serde::Serialize;
 use super::arguments::Arguments;
 use super::environment::Environment;
 use super::offer::dds_type;
-use super::player::outlet::AwaitedWriter;
 use super::qos::{self, best_effort, kept, reliable};
 use super::services::call::Calls;
 use super::tap::Tap;
 use super::{transport, type_hashes};
 use govtwin_bag::msg::Interface;
 use govtwin_bag::msg::service::Service;
+
+pub(super) use listed_writer::ListedWriter;
 
 /// The node cannot come on the bus.
 #[derive(Debug, thiserror::Error)]
@@ -222,15 +224,11 @@ impl Bus {
         topic: &str,
         kind: (&str, Option<&str>),
         qos: QosProfile,
-    ) -> Result<AwaitedWriter, BusError> {
+    ) -> Result<ListedWriter, BusError> {
         let (full_name, topic) = self.topic(topic, kind, "publisher", qos)?;
-        let refused = |source: rustdds::dds::CreateError| BusError::open(&full_name, source);
-        let policies = QosPolicies::from(&qos::reliable());
-        let publisher = self.context.domain_participant().create_publisher(&policies).map_err(refused)?;
-        let writer = publisher.create_datawriter_no_key(&topic, None).map_err(refused)?;
-        let listed = self.node.create_publisher(&topic, None);
-        let listed = listed.map_err(|source| BusError::Open { topic: full_name, source })?;
-        Ok(AwaitedWriter::new((publisher, writer), listed))
+        let (participant, policies) = (self.context.domain_participant(), QosPolicies::from(&reliable()));
+        ListedWriter::open(&participant, &mut self.node, &topic, &policies)
+            .map_err(|source| BusError::Open { topic: full_name, source })
     }
 
     /// Opens a topic for writing whose newest message is kept for those who subscribe later.
@@ -271,12 +269,10 @@ impl Bus {
         let refused = |source: rustdds::dds::CreateError| BusError::open(&full_name, source);
         let requests = topic(format!("rq{full_name}Request"), "Request").map_err(refused)?;
         let responses = topic(format!("rr{full_name}Reply"), "Response").map_err(refused)?;
-        let publisher = participant.create_publisher(&qos).map_err(refused)?;
-        let writer = publisher.create_datawriter_no_key(&responses, None).map_err(refused)?;
         let refused = |source| BusError::Open { topic: full_name.clone(), source };
         let reader = self.node.create_subscription(&requests, None).map_err(refused)?;
-        let listed = self.node.create_publisher(&responses, None).map_err(refused)?;
-        Ok(Calls::new(participant, (&requests, reader), (publisher, writer), listed))
+        let writer = ListedWriter::open(&participant, &mut self.node, &responses, &qos).map_err(refused)?;
+        Ok(Calls::new(participant, (&requests, reader), writer))
     }
 
     /// Opens a service of another node, by its full name, to call it.

@@ -5,11 +5,9 @@ use std::time::Duration;
 
 use ros2_client::Publisher;
 use rustdds::bytes::Bytes;
-use rustdds::no_key::DataWriter;
 
-use super::super::bus::{Bus, BusError};
+use super::super::bus::{Bus, BusError, ListedWriter};
 use super::super::qos;
-use super::super::services::call::Body;
 use super::super::spout::Encoded;
 
 /// A tick of the clock waits so long for the subscribers of what was published before it.
@@ -30,27 +28,14 @@ enum Way {
     Awaited(Box<AwaitedWriter>),
 }
 
-/// A writer whose samples are acknowledged. Publishers of ros2-client do not give that away, so this one is opened beside them.
-pub(in super::super) struct AwaitedWriter {
-    // Dropped in this order.
-    writer: DataWriter<Bytes, Body>,
-    _publisher: rustdds::Publisher,
-    /// A publisher that sends nothing: by it the graph of ROS lists the topic under this node.
-    _listed: Publisher<Encoded>,
+/// A writer whose samples are acknowledged.
+struct AwaitedWriter {
+    writer: ListedWriter,
     is_pending: Cell<bool>,
     is_behind: Cell<bool>,
 }
 
 impl AwaitedWriter {
-    /// A writer of these ends.
-    pub(in super::super) fn new(
-        (publisher, writer): (rustdds::Publisher, DataWriter<Bytes, Body>),
-        listed: Publisher<Encoded>,
-    ) -> Self {
-        let (is_pending, is_behind) = (Cell::new(false), Cell::new(false));
-        Self { writer, _publisher: publisher, _listed: listed, is_pending, is_behind }
-    }
-
     fn publish(&self, sample: Encoded) -> bool {
         self.is_pending.set(true);
         self.writer.write(Bytes::from(sample.into_bytes()), Some(rustdds::Timestamp::now())).is_ok()
@@ -78,7 +63,8 @@ impl Outlet {
     ) -> Result<Self, BusError> {
         let qos = qos::played(profiles);
         let way = if awaits {
-            Way::Awaited(Box::new(bus.publish_awaited(topic, kind, qos)?))
+            let writer = bus.publish_awaited(topic, kind, qos)?;
+            Way::Awaited(Box::new(AwaitedWriter { writer, is_pending: Cell::new(false), is_behind: Cell::new(false) }))
         } else {
             Way::Free(Box::new(bus.publish_as(topic, kind, qos)?))
         };

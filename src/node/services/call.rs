@@ -6,20 +6,19 @@
 
 mod delivery;
 
-use std::convert::Infallible;
 use std::sync::Mutex;
 
 use futures::stream::{LocalBoxStream, StreamExt, select};
 use ros2_client::{Gid, MessageInfo, ServiceMapping, Subscription};
 use rustdds::bytes::Bytes;
-use rustdds::no_key::{DataWriter, SerializerAdapter};
 use rustdds::{
-    DataWriterStatus, DomainParticipant, GUID, Publisher, RepresentationIdentifier as Layout, SampleIdentity,
-    SequenceNumber, StatusEvented, Timestamp, Topic, TopicDescription, WriteOptionsBuilder,
+    DataWriterStatus, DomainParticipant, GUID, SampleIdentity, SequenceNumber, StatusEvented, Timestamp, Topic,
+    TopicDescription, WriteOptionsBuilder,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::super::bus::ListedWriter;
 use super::super::spout::Encoded;
 use super::super::transport::participant_of;
 use super::{Aftermath, ServiceContext};
@@ -32,21 +31,6 @@ const HEAD: [u8; 4] = [0, 1, 0, 0];
 /// What Cyclone DDS puts before each request and response: the caller's id and a number, eight bytes each.
 const CYCLONE_LEN: usize = 16;
 
-/// Writes responses that are encoded already.
-pub struct Body;
-
-impl SerializerAdapter<Bytes> for Body {
-    type Error = Infallible;
-
-    fn output_encoding() -> Layout {
-        Layout::CDR_LE
-    }
-
-    fn to_bytes(body: &Bytes) -> Result<Bytes, Infallible> {
-        Ok(body.clone())
-    }
-}
-
 /// To whom a response goes.
 #[derive(Clone, Copy, Debug)]
 pub struct Caller {
@@ -58,33 +42,21 @@ pub struct Caller {
 pub struct Calls {
     // Dropped in this order.
     requests: Subscription<Encoded>,
-    responses: DataWriter<Bytes, Body>,
-    _publisher: Publisher,
-    _listed: ros2_client::Publisher<()>,
+    responses: ListedWriter,
     participant: DomainParticipant,
     request_topic: String,
     delivery: Mutex<Delivery>,
 }
 
 impl Calls {
-    /// A server of these endpoints. `listed` is a second writer of responses that writes nothing: ros2-client lists in the graph of ROS what it
-    /// opened itself, and `ros2 node info` and bridges go by that list. It is announced after the real one, so that nobody takes it for ready.
+    /// A server of these endpoints.
     #[must_use]
     pub(in super::super) fn new(
         participant: DomainParticipant,
         (topic, requests): (&Topic, Subscription<Encoded>),
-        (publisher, responses): (Publisher, DataWriter<Bytes, Body>),
-        listed: ros2_client::Publisher<()>,
+        responses: ListedWriter,
     ) -> Self {
-        Self {
-            requests,
-            responses,
-            _publisher: publisher,
-            _listed: listed,
-            participant,
-            request_topic: topic.name(),
-            delivery: Mutex::default(),
-        }
+        Self { requests, responses, participant, request_topic: topic.name(), delivery: Mutex::default() }
     }
 
     /// Hands each call to `take`; what does not decode is none.
