@@ -54,15 +54,10 @@ pub fn rejudged(report: &DiagnosisReport, table: &EvidenceTable, numbers: &Hyper
 #[cfg(test)]
 mod tests {
     use super::*;
-    use govtwin_diagnosis::hypotheses::table::EvidenceRow;
+    use crate::benchmark::scored_report::tests::row;
 
     #[test]
     fn a_unit_is_judged_by_its_table() {
-        let row = |effects: &[&str], cost: f64| EvidenceRow {
-            effects: effects.iter().map(|id| (*id).to_owned()).collect(),
-            cost,
-            ..EvidenceRow::default()
-        };
         let rows = vec![row(&["backlash", "load"], 70.0), row(&["load"], 130.0), row(&[], 900.0)];
         let table = EvidenceTable { samples: 100.0, rows, ..EvidenceTable::default() };
         let report = DiagnosisReport::of_verdict(Verdict::Unknown);

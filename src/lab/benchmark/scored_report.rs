@@ -82,19 +82,20 @@ impl ScoredReport for DiagnosisReport {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use govtwin_diagnosis::hypotheses::table::EvidenceTable;
     use govtwin_diagnosis::result::Ranked;
     use govtwin_model::effects::find;
 
+    /// A fitted set of these effects that costs so much.
+    pub(in super::super) fn row(effects: &[&str], cost: f64) -> EvidenceRow {
+        let effects = effects.iter().map(|id| (*id).to_owned()).collect();
+        EvidenceRow { effects, cost, ..EvidenceRow::default() }
+    }
+
     #[test]
     fn a_report_comes_down_to_a_word_and_to_what_its_model_leaves() {
-        let row = |effects: &[&str], cost: f64| EvidenceRow {
-            effects: effects.iter().map(|id| (*id).to_owned()).collect(),
-            cost,
-            ..EvidenceRow::default()
-        };
         let mut report = DiagnosisReport::of_verdict(Verdict::Named);
         report.effects = vec![Blame::unsized_effect(find("port_overlap").unwrap(), 0.93)];
         report.ranking = [("unknown", 0.04), ("port_overlap", 0.93), ("load", f64::NAN)]

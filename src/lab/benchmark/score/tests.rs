@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::battery::{Label, TrueFault};
-use govtwin_diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
+use crate::benchmark::scored_report::tests::row;
+use govtwin_diagnosis::hypotheses::table::EvidenceTable;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::{Blame, Fitted, Interval, Ranked, Verdict};
 use govtwin_model::effects::{Stage, find};
@@ -125,11 +126,6 @@ fn a_name_too_many_is_a_miss_and_a_class_is_one_effect() {
 #[test]
 fn a_miss_lies_with_information_search_verdict_or_model() {
     // A right model of a thousand independent samples costs 640.
-    let row = |effects: &[&str], cost: f64| EvidenceRow {
-        effects: effects.iter().map(|id| (*id).to_owned()).collect(),
-        cost,
-        ..EvidenceRow::default()
-    };
     let table = |left: f64, truth: f64| EvidenceTable {
         samples: 1000.0,
         rows: vec![row(&["load"], 640.0 + left), row(&["backlash"], 640.0 + truth), row(&[], 1640.0)],
