@@ -6,14 +6,8 @@ mod stage;
 use govtwin_diagnosis::result::{Diagnosis, FreeRun, JudgedBy, Verdict};
 use govtwin_diagnosis::{DiagnosisSettings, diagnose};
 use govtwin_model::params::reference;
-use govtwin_model::recording::Recording;
-use stage::{Spool, record, symmetric, with};
+use stage::{Spool, freely, record, symmetric, with};
 use std::path::Path;
-
-fn freely(recordings: Vec<Recording>) -> Diagnosis {
-    let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
-    diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap()
-}
 
 fn ids(said: &Diagnosis) -> Vec<&str> {
     said.blamed.iter().map(|blame| blame.id.as_str()).collect()

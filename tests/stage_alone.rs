@@ -7,26 +7,18 @@ mod plain_stage;
 mod stage;
 
 use govtwin_bag::import::{Import, ImportError, ImportedRow, Map, Target};
-use govtwin_diagnosis::result::JudgedBy;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::{Diagnosis, Verdict};
-use govtwin_diagnosis::{DiagnosisSettings, diagnose};
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::params::reference;
 use govtwin_model::provenance::Provenance;
 use govtwin_model::recording::Recording;
 use govtwin_pages::diagnosis as report;
-use plain_stage::{PlainStage, in_units};
+use plain_stage::{PlainStage, govtwin, in_units, near};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use stage::{Spool, record, symmetric, with};
+use stage::{Spool, freely, record, symmetric, with};
 use std::path::{Path, PathBuf};
-use std::process::Command;
-
-fn freely(recordings: Vec<Recording>) -> Diagnosis {
-    let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
-    diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap()
-}
 
 fn ids(said: &Diagnosis) -> Vec<&str> {
     let mut ids: Vec<&str> = said.blamed.iter().map(|blame| blame.id.as_str()).collect();
@@ -50,10 +42,6 @@ fn shown(said: &Diagnosis) -> String {
 /// The told figure with this id.
 fn told(said: &Diagnosis, id: &str) -> f64 {
     said.part.as_ref().unwrap().figures.iter().find(|one| one.id == id).unwrap().value.value
-}
-
-fn near(found: f64, wanted: f64, share: f64) -> bool {
-    (found / wanted - 1.0).abs() < share
 }
 
 #[test]
@@ -258,14 +246,6 @@ fn table(dir: &Path, recording: &Recording) -> [PathBuf; 2] {
     std::fs::write(&paths[0], text).unwrap();
     std::fs::write(&paths[1], map).unwrap();
     paths
-}
-
-/// Runs govtwin; standard output and errors together.
-fn govtwin(arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).args(arguments).output().unwrap();
-    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert!([0, 3].contains(&output.status.code().unwrap()), "{arguments:?}: {text}");
-    text
 }
 
 fn json(path: &Path) -> serde_json::Value {

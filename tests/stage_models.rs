@@ -7,19 +7,16 @@ mod plain_stage;
 mod stage;
 
 use govtwin_diagnosis::result::schema::DiagnosisReport;
-use govtwin_diagnosis::result::{ComparedModel, Diagnosis, JudgedBy, Verdict};
-use govtwin_diagnosis::{DiagnosisSettings, diagnose};
+use govtwin_diagnosis::result::{ComparedModel, Diagnosis, Verdict};
 use govtwin_model::frame::Signals;
-use govtwin_model::params::reference;
 use govtwin_model::provenance::Provenance;
 use govtwin_model::recording::Recording;
 use govtwin_pages::diagnosis as report;
-use plain_stage::{PlainStage, in_units};
+use plain_stage::{PlainStage, govtwin, in_units, near};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use stage::Spool;
+use stage::{Spool, freely};
 use std::path::Path;
-use std::process::Command;
 
 /// The plain models, in the order of reports.
 const PLAIN: [&str; 6] = [
@@ -30,11 +27,6 @@ const PLAIN: [&str; 6] = [
     "first-order lag",
     "set point with lag",
 ];
-
-fn freely(recording: Recording) -> Diagnosis {
-    let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
-    diagnose(vec![recording], &reference(), &settings, &|_, _| ()).unwrap()
-}
 
 fn models(said: &Diagnosis) -> &[ComparedModel] {
     &said.part.as_ref().unwrap().models
@@ -58,10 +50,6 @@ fn shown(said: &Diagnosis) -> String {
     let blamed: Vec<&str> = said.blamed.iter().map(|one| one.id.as_str()).collect();
     let won = said.part.as_ref().and_then(|part| part.plain_wins.clone());
     format!("{:?} {blamed:?} {won:?}\n{}\n{:?}", said.verdict, all.collect::<Vec<_>>().join("\n"), said.notes)
-}
-
-fn near(found: f64, wanted: f64, share: f64) -> bool {
-    (found / wanted - 1.0).abs() < share
 }
 
 /// A position loop that knows nothing of a servomotor: a gain, a delay, a lag and a rate limit each way, under steps.
@@ -109,7 +97,7 @@ impl Loop {
 #[test]
 fn stage_models_stand_beside_the_twin_in_the_file_the_text_and_the_page() {
     let recording = PlainStage::USUAL.record(&Spool::usual(41), 20.0, 2000);
-    let said = freely(in_units(&recording, [0.5, 0.5], [1.0, 0.0]));
+    let said = freely(vec![in_units(&recording, [0.5, 0.5], [1.0, 0.0])]);
     println!("{}", shown(&said));
     let plain: Vec<&str> = models(&said).iter().filter(|one| one.is_plain).map(|one| one.model.as_str()).collect();
     assert_eq!(plain, PLAIN, "{}", shown(&said));
@@ -139,7 +127,7 @@ fn stage_models_stand_beside_the_twin_in_the_file_the_text_and_the_page() {
 #[test]
 fn stage_loops_are_told_as_set_points_with_delay_lag_and_limits_at_any_speed() {
     for (slower, seed) in [(1.0, 51), (0.1, 52), (10.0, 53)] {
-        let said = freely(Loop { slower, ..Loop::USUAL }.record(seed));
+        let said = freely(vec![Loop { slower, ..Loop::USUAL }.record(seed)]);
         println!("{slower}: {}", shown(&said));
         let of = |name| told(&said, "set point with lag", name);
         assert!(near(of("gain"), 1.0, 0.01) && of("level").abs() < 0.01, "{}", shown(&said));
@@ -195,11 +183,11 @@ fn stage_models_are_the_same_in_any_unit_sign_and_clock() {
         vec![("stage", PlainStage::USUAL.record(&Spool::usual(42), 20.0, 1200)), ("loop", Loop::USUAL.record(54))];
     recordings.extend(crane().map(|crane| ("crane", crane)));
     for (name, recording) in recordings {
-        let plain = freely(recording.clone());
+        let plain = freely(vec![recording.clone()]);
         println!("{name}: {}", shown(&plain));
         let variants = [(10.0, [-1000.0, 40.0], [1000.0, -300.0]), (0.1, [0.02, -1.0], [-0.3, 0.5])];
         for (slower, spool, servomotor) in variants {
-            let said = freely(other(&recording, slower, spool, servomotor));
+            let said = freely(vec![other(&recording, slower, spool, servomotor)]);
             let how = format!("{name}, {slower} {spool:?} {servomotor:?}: {}\nbefore: {}", shown(&said), shown(&plain));
             let part = |said: &Diagnosis| said.part.clone().unwrap();
             assert!(near(part(&said).free_run_s, slower * part(&plain).free_run_s, 1e-3), "{how}");
@@ -233,14 +221,6 @@ fn table(dir: &Path, recording: &Recording) -> [String; 2] {
     std::fs::write(&paths[0], text).unwrap();
     std::fs::write(&paths[1], map).unwrap();
     paths.map(|path| path.display().to_string())
-}
-
-/// Runs govtwin; standard output and errors together.
-fn govtwin(arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).args(arguments).output().unwrap();
-    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert!([0, 3].contains(&output.status.code().unwrap()), "{arguments:?}: {text}");
-    text
 }
 
 /// A command in the numbers of the plant drives the stage as it is, and a long recording is not cut.

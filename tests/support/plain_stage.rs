@@ -6,6 +6,20 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::stage::Spool;
+use std::process::Command;
+
+/// Whether a figure is within this share of what is wanted.
+pub fn near(found: f64, wanted: f64, share: f64) -> bool {
+    (found / wanted - 1.0).abs() < share
+}
+
+/// Runs govtwin; standard output and errors together.
+pub fn govtwin(arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).args(arguments).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert!([0, 3].contains(&output.status.code().unwrap()), "{arguments:?}: {text}");
+    text
+}
 
 /// A stage by the plain law, with none of the twin's equations: a dead zone, a gain each way, a lag and a greatest speed.
 #[derive(Clone, Copy, Debug)]

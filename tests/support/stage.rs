@@ -1,11 +1,20 @@
 //! Synthetic recordings of the servomotor stage alone: a script moves the spool, the twin answers, transducers add noise.
 
+use govtwin_diagnosis::result::{Diagnosis, JudgedBy};
+use govtwin_diagnosis::{DiagnosisSettings, diagnose};
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::params::reference;
 use govtwin_model::recording::Recording;
 use govtwin_model::twin::{Cut, Twin};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+/// A diagnosis of a stage of which nothing but these recordings is known.
+pub fn freely(recordings: Vec<Recording>) -> Diagnosis {
+    let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
+    diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap()
+}
 
 /// How somebody moves the spool.
 pub struct Spool {
