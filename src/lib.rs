@@ -142,7 +142,7 @@ pub use govtwin_model::twin::{Cut, Twin};
 pub use govtwin_diagnosis::diagnose;
 pub use govtwin_diagnosis::result::schema::DiagnosisReport;
 pub use govtwin_diagnosis::result::{
-    Blame, Diagnosis, Experiment, Fitted, Interval, JudgedBy, Ranked, SignalGap, Verdict,
+    Blame, Diagnosis, Experiment, Fitted, Interval, Ranked, Setup, SignalGap, Verdict,
 };
 pub use govtwin_diagnosis::{DiagnosisError, DiagnosisSettings};
 pub use govtwin_model::provenance::Provenance;

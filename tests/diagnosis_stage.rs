@@ -3,7 +3,7 @@
 #[path = "support/stage.rs"]
 mod stage;
 
-use govtwin_diagnosis::result::{Diagnosis, FreeRun, JudgedBy, Verdict};
+use govtwin_diagnosis::result::{Diagnosis, FreeRun, Setup, Verdict};
 use govtwin_diagnosis::{DiagnosisSettings, diagnose};
 use govtwin_model::params::reference;
 use stage::{Spool, freely, record, symmetric, with};
@@ -113,7 +113,7 @@ fn a_spool_that_drives_something_else_is_refused() {
     for (frame, strange) in other.frames.iter_mut().zip(&one.frames) {
         frame.measured.spool_position_pu = strange.measured.spool_position_pu;
     }
-    let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
+    let settings = DiagnosisSettings { setup: Setup::StageFree, ..DiagnosisSettings::default() };
     match diagnose(vec![other], &reference(), &settings, &|_, _| ()) {
         Err(error) => assert!(error.to_string().contains("no law of the spool"), "{error}"),
         Ok(said) => {

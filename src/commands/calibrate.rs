@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
-use govtwin_diagnosis::result::{Interval, JudgedBy};
+use govtwin_diagnosis::result::{Interval, Setup};
 use govtwin_files::read_text;
 use govtwin_lab::battery::Label;
 use govtwin_lab::benchmark::learn::{Example, examples, explained_fraction_widening, learn, log_score, size_spread};
@@ -201,14 +201,14 @@ fn parted<'a>(dirs: &[PathBuf], batteries: &'a [Vec<JudgedUnit>]) -> (Vec<String
 /// The numbers with those that are counted on these units; what they do not show stays as shipped.
 fn counted(numbers: Hyperparameters, units: &[&JudgedUnit], shipped: &Hyperparameters) -> Hyperparameters {
     let pairs: Vec<(&Label, &DiagnosisReport)> = units.iter().map(|unit| (&unit.label, &unit.report)).collect();
-    let claims = |judged_by: JudgedBy| -> Option<f64> {
-        let of = units.iter().filter(|unit| unit.report.judged_by == judged_by);
+    let claims = |setup: Setup| -> Option<f64> {
+        let of = units.iter().filter(|unit| unit.report.judged_by.id() == setup.id());
         explained_fraction_widening(&of.filter_map(|unit| unit.claim()).collect::<Vec<_>>())
     };
     Hyperparameters {
         size_spread: size_spread(&pairs).unwrap_or(shipped.size_spread),
-        explained_fraction_widening: claims(JudgedBy::DataSheet).unwrap_or(shipped.explained_fraction_widening),
-        explained_fraction_widening_assumed_sheet: claims(JudgedBy::AssumedSheet)
+        explained_fraction_widening: claims(Setup::Chain).unwrap_or(shipped.explained_fraction_widening),
+        explained_fraction_widening_assumed_sheet: claims(Setup::AssumedSheet)
             .unwrap_or(shipped.explained_fraction_widening_assumed_sheet),
         ..numbers
     }

@@ -216,7 +216,7 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     for warning in &warnings {
         warn(warning);
     }
-    let settings = DiagnosisSettings { judged_by: by.kind(), ..settings };
+    let settings = DiagnosisSettings { setup: by.setup(), ..settings };
     let (mut diagnosis, seconds) = judge(recordings, &unit, &settings)?;
     diagnosis.notes.splice(0..0, by.note().map(str::to_owned));
     describe(&mut made, args, &name, &warnings, &diagnosis)?;

@@ -21,6 +21,7 @@ use crate::experiment::candidate_test::{Candidate, candidates};
 use crate::experiment::information::{Drop, Predicted, entropy_bits, expected_drop};
 use crate::experiment::survivors::{Survivor, deviations, survivors};
 use crate::hypotheses::Explored;
+use crate::hypotheses::explorer::is_stage_alone;
 use crate::hypotheses::table::EvidenceTable;
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, twin_of};
@@ -29,7 +30,7 @@ use crate::result::test_script::CANDIDATES;
 use crate::result::{Experiment, NEXT_TEST};
 use govtwin_model::parameters::Unit;
 use govtwin_model::signal::Signal;
-use govtwin_model::twin::{Cut, Twin};
+use govtwin_model::twin::Twin;
 
 /// A test that is expected to tell less settles nothing, bits.
 pub const LEAST_BITS: f64 = 0.01;
@@ -64,7 +65,7 @@ pub fn design(
         return Next { entropy_bits, experiments: Vec::new() };
     }
     let Some(leader) = left.iter().find(|one| !one.unknown).or(left.first()) else { return Next::default() };
-    let candidates = if problem.recordings.first().is_some_and(|recording| recording.cut == Cut::Spool) {
+    let candidates = if is_stage_alone(problem) {
         stage_experiment::candidates(&leader.model.unit())
     } else {
         candidates(problem, &leader.model.unit(), &CANDIDATES)

@@ -38,7 +38,7 @@ use crate::decision::posterior::{Posterior, leaders};
 use crate::hypotheses::table::EvidenceTable;
 use crate::hypotheses::{Exploration, Explored, Singles};
 use crate::likelihood::loop_noise::likelier;
-use crate::result::{Diagnosis, JudgedBy, Verdict};
+use crate::result::{Diagnosis, Setup, Verdict};
 use crate::stage_only::free_runs::Compared;
 use crate::summary::{BeforeVerdict, Judged};
 use govtwin_model::effects::{CATALOGUE, EffectSpec, id_words};
@@ -60,23 +60,16 @@ pub struct DiagnosisSettings {
     pub catalogue: Vec<&'static EffectSpec>,
     /// Seed of the resampling behind intervals of explained fractions.
     pub seed: u64,
-    /// What is known of the unit beside its recordings.
-    pub judged_by: JudgedBy,
+    /// What is judged, and by what. Of a chain whose command no recording holds the stage alone is judged.
+    pub setup: Setup,
     /// True values of the unit with its effects, where they are known: the regret of the search is measured by them after the verdict, and nothing
     /// else follows from them.
     pub true_values: Option<Unit>,
 }
 
-impl DiagnosisSettings {
-    /// Whether nothing but the servomotor stage is judged, and fitted freely.
-    fn is_free(&self) -> bool {
-        self.judged_by == JudgedBy::Nothing
-    }
-}
-
 impl Default for DiagnosisSettings {
     fn default() -> Self {
-        Self { catalogue: CATALOGUE.iter().collect(), seed: 1, judged_by: JudgedBy::DataSheet, true_values: None }
+        Self { catalogue: CATALOGUE.iter().collect(), seed: 1, setup: Setup::Chain, true_values: None }
     }
 }
 
@@ -124,9 +117,8 @@ pub fn diagnose(
     progress("reading the channels", 0.0);
     let channels = preparation::channels::survey(&recordings);
     let ready = preparation::prepare(recordings, unit, settings)?;
-    let stage_only = !ready.whole.is_empty();
     progress("refitting the sheet's parameters within their tolerances", 0.02);
-    let settings = &DiagnosisSettings { catalogue: ready.catalogue.clone(), ..settings.clone() };
+    let settings = &DiagnosisSettings { catalogue: ready.catalogue.clone(), setup: ready.setup, ..settings.clone() };
     let (problem, refitted, sheet) =
         model::search::nominal(ready.recordings.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
     let catalogue = &settings.catalogue;
@@ -153,8 +145,10 @@ pub fn diagnose(
     };
     progress("tabulating the evidence", 0.85);
     let mut table = EvidenceTable::new(&problem, &explored, &settings.catalogue);
-    table.assumed_sheet = settings.judged_by == JudgedBy::AssumedSheet;
-    stage_only::left_out::add(&mut table, &problem, &explored, &ready);
+    table.assumed_sheet = ready.setup == Setup::AssumedSheet;
+    if ready.stage.is_some() {
+        stage_only::left_out::add(&mut table, &problem, &explored, ready.setup);
+    }
     let numbers = Hyperparameters::shipped();
     let leading = leaders(&table, &numbers);
     table.look_at_parts(&problem, &explored, &leading);
@@ -163,9 +157,9 @@ pub fn diagnose(
     let mut decision = Decision::new(&table, &posterior, &settings.catalogue);
     let mut notes = ready.notes.clone();
     let mut compared = Compared::default();
-    if stage_only {
+    if let Some(stage) = &ready.stage {
         let dropped;
-        (decision, dropped, compared) = stage_only::modest(&problem, &explored, &ready, decision);
+        (decision, dropped, compared) = stage_only::modest(&problem, &explored, (&ready, stage), decision);
         notes.extend(dropped);
     } else if let Some(strange) = homogeneity::disagreement(&problem, &explored) {
         decision = decision.forced(Verdict::Unknown);
@@ -191,14 +185,16 @@ pub fn diagnose(
     };
     let mut diagnosis = summary::gather(judged, &ready.unit, settings, BeforeVerdict { channels, notes });
     // The stage alone is fitted to pieces of recordings, by parameters of its own.
-    let true_values = settings.true_values.as_ref().filter(|_| !stage_only);
+    let true_values = settings.true_values.as_ref().filter(|_| ready.stage.is_none());
     diagnosis.regret = true_values.and_then(|unit| regret::regret(&problem, &explored, &settings.catalogue, unit));
-    diagnosis.part = stage_only::describe(&ready, &explored, &decision, compared);
-    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.sheet) {
-        diagnosis.sheet_limits = None;
-        // What the most flexible law leaves is the error of equations, no transducer's noise.
-        let judged = diagnosis.gap.iter_mut().filter(|gap| gap.signal == Signal::ServomotorPosition);
-        judged.for_each(|gap| gap.noise_floor = part.transducers_pu);
+    if let Some(stage) = &ready.stage {
+        diagnosis.part = Some(stage_only::describe((&ready, stage), &explored, &decision, compared));
+        if ready.setup == Setup::StageFree {
+            diagnosis.sheet_limits = None;
+            // What the most flexible law leaves is the error of equations, no transducer's noise.
+            let judged = diagnosis.gap.iter_mut().filter(|gap| gap.signal == Signal::ServomotorPosition);
+            judged.for_each(|gap| gap.noise_floor = stage.seen.transducers);
+        }
     }
     Ok(diagnosis)
 }

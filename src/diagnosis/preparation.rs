@@ -12,7 +12,8 @@ use crate::likelihood::qualification::{QualifiedRecordings, qualify_all};
 use crate::model::FittedModel;
 use crate::model::search::Turned;
 use crate::model::support::Variant;
-use crate::stage_alone::command::{Deviation, command_for_spool};
+use crate::result::Setup;
+use crate::stage_alone::command::{Deviation, StandIn, command_for_spool};
 use crate::stage_alone::competing_laws::{Follows, follows};
 use crate::stage_alone::flexible::{Flexible, flexible};
 use crate::stage_alone::pieces::pieces;
@@ -38,8 +39,6 @@ const STARTS: usize = 4;
 pub struct Preparation {
     /// What is fitted to; of a stage alone pieces of the recordings, each to be left out in turn.
     pub recordings: Vec<PreparedRecording>,
-    /// Of a stage alone the recordings as a whole, in pu; else empty.
-    pub whole: Vec<Recording>,
     /// The unit to begin from.
     pub unit: Unit,
     /// What is fitted.
@@ -50,15 +49,17 @@ pub struct Preparation {
     pub catalogue: Vec<&'static EffectSpec>,
     /// What there is to say of all that.
     pub notes: Vec<String>,
-    /// Whether the sheet is believed.
-    pub sheet: bool,
-    /// Of a stage alone what laws without physics say of it.
-    pub alone: Option<Alone>,
+    /// What is judged, and by what.
+    pub setup: Setup,
+    /// The stage, where it is judged alone.
+    pub stage: Option<StageAlone>,
 }
 
-/// What laws without physics say of a servomotor stage, in pu.
-#[derive(Clone, Copy, Debug)]
-pub struct Alone {
+/// A servomotor stage, and what laws without physics say of it, in pu.
+#[derive(Clone, Debug)]
+pub struct StageAlone {
+    /// The recordings as a whole.
+    pub whole: Vec<Recording>,
     /// The most flexible law of spool and opening.
     pub seen: Flexible,
     /// The plain law: zero, dead band, a gain each way, lag.
@@ -67,10 +68,15 @@ pub struct Alone {
     pub follows: Follows,
     /// Share of the squared movement that is left on runs left out, where it sums the spool up, settles to it, or does neither.
     pub left: [f64; 3],
-    /// Whether the command stands in for a spool that was not recorded.
-    pub by_command: bool,
-    /// The deviation that stands in for it, where the command is a set point.
-    pub deviation: Option<Deviation>,
+    /// What stands in for a spool that was not recorded.
+    pub stands_in: Option<StandIn>,
+}
+
+impl StageAlone {
+    /// The deviation that stands in for the spool, where the command is a set point.
+    pub(crate) fn deviation(&self) -> Option<Deviation> {
+        self.stands_in.as_ref()?.deviation
+    }
 }
 
 /// Makes recordings ready.
@@ -82,9 +88,12 @@ pub fn prepare(
     sheet: &Unit,
     settings: &DiagnosisSettings,
 ) -> Result<Preparation, DiagnosisError> {
-    let stage_only = settings.is_free() || !recordings.iter().any(Recording::has_command);
-    let stands_in = if settings.is_free() { command_for_spool(&mut recordings) } else { None };
-    let cut = if stage_only { Cut::Spool } else { Cut::None };
+    let setup = settings.setup.for_recordings(&recordings);
+    let (cut, stands_in) = match setup {
+        Setup::Chain | Setup::AssumedSheet => (Cut::None, None),
+        Setup::Stage => (Cut::Spool, None),
+        Setup::StageFree => (Cut::Spool, command_for_spool(&mut recordings)),
+    };
     let QualifiedRecordings { qualified, notes, refused } = qualify_all(recordings, |_| cut);
     if qualified.is_empty() {
         return Err(DiagnosisError::Unusable(refused));
@@ -92,20 +101,11 @@ pub fn prepare(
     let qualified: Vec<Recording> = qualified.into_iter().map(|(recording, _)| recording).collect();
     let (qualified, copies) = without_copies(qualified);
     let mut notes: Vec<String> = notes.into_iter().map(|note| format!("{note}.")).collect();
-    let (by_command, deviation) = (stands_in.is_some(), stands_in.as_ref().and_then(|one| one.deviation));
-    notes.extend(stands_in.map(|one| one.note));
+    notes.extend(stands_in.iter().map(|one| one.note.clone()));
     notes.extend(copies);
     notes.extend(refused.into_iter().map(|reason| format!("Left out: {reason}.")));
-    if stage_only {
-        let mut prepared = servomotor_stage(qualified, sheet, settings, notes)?;
-        if let Some(alone) = &mut prepared.alone {
-            (alone.by_command, alone.deviation) = (by_command, deviation);
-            if deviation.is_some() {
-                // What drives it holds the position: that it settles is known.
-                alone.follows = Follows::Sum;
-            }
-        }
-        return Ok(prepared);
+    if cut == Cut::Spool {
+        return servomotor_stage(qualified, sheet, setup, &settings.catalogue, (stands_in, notes));
     }
     if let [only] = qualified.as_slice() {
         notes.push(format!(
@@ -116,14 +116,13 @@ pub fn prepare(
     }
     Ok(Preparation {
         recordings: qualified.into_iter().map(PreparedRecording::new).collect(),
-        whole: Vec::new(),
         unit: sheet.clone(),
         turned: Turned { free_parameters: FreeParameter::nuisances(sheet), starts: 1 },
         noise: expected(&sheet.sensors),
         catalogue: settings.catalogue.iter().copied().filter(|spec| !STAGE_ALONE.contains(&spec.id)).collect(),
         notes,
-        sheet: true,
-        alone: None,
+        setup,
+        stage: None,
     })
 }
 
@@ -157,8 +156,9 @@ fn is_copy(a: &Recording, b: &Recording) -> bool {
 fn servomotor_stage(
     mut whole: Vec<Recording>,
     sheet: &Unit,
-    settings: &DiagnosisSettings,
-    mut notes: Vec<String>,
+    setup: Setup,
+    catalogue: &[&'static EffectSpec],
+    (stands_in, mut notes): (Option<StandIn>, Vec<String>),
 ) -> Result<Preparation, DiagnosisError> {
     let still = || {
         DiagnosisError::Unusable(vec![
@@ -171,7 +171,7 @@ fn servomotor_stage(
             .to_owned(),
     );
     let (recordings, unit, noise, turned);
-    if settings.is_free() {
+    if setup == Setup::StageFree {
         let prepared = sheetless(whole, sheet).ok_or_else(still)?;
         notes.extend(prepared.notes);
         (whole, recordings, unit, noise) = (prepared.whole, prepared.pieces, prepared.unit, prepared.noise);
@@ -193,30 +193,26 @@ fn servomotor_stage(
     let many: Vec<PreparedRecording> =
         pieces(&whole, LAW_PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect();
     let (follows, left) = follows(&Run::all(&many), &law).ok_or_else(still)?;
-    if !settings.is_free() && law.above_1_s + law.below_1_s < 0.0 {
+    if setup == Setup::Stage && law.above_1_s + law.below_1_s < 0.0 {
         notes.push(
             "The servomotor moves against the sign of the spool; was the spool position recorded with the opposite sign?".into(),
         );
     }
-    let catalogue = acting(&recordings, &unit, settings, &noise);
-    Ok(Preparation {
-        recordings,
-        whole,
-        unit,
-        turned,
-        noise,
-        catalogue,
-        notes,
-        sheet: !settings.is_free(),
-        alone: Some(Alone { seen, law, follows, left, by_command: false, deviation: None }),
-    })
+    let wanted = |spec: &&'static EffectSpec| setup == Setup::Stage || sheetless::means_something(spec.id);
+    let catalogue = acting(&recordings, &unit, catalogue.iter().copied().filter(wanted), &noise);
+    let mut stage = StageAlone { whole, seen, law, follows, left, stands_in };
+    if stage.deviation().is_some() {
+        // What drives it holds the position: that it settles is known.
+        stage.follows = Follows::Sum;
+    }
+    Ok(Preparation { recordings, unit, turned, noise, catalogue, notes, setup, stage: Some(stage) })
 }
 
 /// The effects that change the servomotor's position when the spool is given.
 fn acting(
     recordings: &[PreparedRecording],
     unit: &Unit,
-    settings: &DiagnosisSettings,
+    wanted: impl Iterator<Item = &'static EffectSpec>,
     noise: &Noise,
 ) -> Vec<&'static EffectSpec> {
     let problem = Problem::new(recordings.to_vec(), unit, noise);
@@ -233,6 +229,5 @@ fn acting(
             .pop()
             .is_some_and(|residuals| residuals != model.fit.residuals)
     };
-    let wanted = |spec: &&'static EffectSpec| !settings.is_free() || sheetless::means_something(spec.id);
-    settings.catalogue.iter().copied().filter(wanted).filter(acts).collect()
+    wanted.filter(acts).collect()
 }

@@ -3,10 +3,10 @@
 mod claims;
 mod findings;
 mod interval;
-mod judged_by;
 mod regret;
 mod remainder;
 pub mod schema;
+mod setup;
 mod sheet_limits;
 mod stage_figures;
 pub mod test_script;
@@ -23,9 +23,9 @@ pub use crate::result::findings::{
     Breakdown, BreakdownPart, ChannelReport, DetectableSize, DiscrepancyTerm, StageTest, Transfer, Tried,
 };
 pub use crate::result::interval::Interval;
-pub use crate::result::judged_by::JudgedBy;
 pub use crate::result::regret::Regret;
 pub use crate::result::remainder::{LargestError, Remainder};
+pub use crate::result::setup::Setup;
 pub use crate::result::sheet_limits::{HiddenEffect, SheetLimits, SheetValue};
 pub use crate::result::stage_figures::{ComparedModel, FreeRun, ModelParameter, StageFigure, StageOnly};
 pub use crate::result::traces::Trace;
@@ -85,8 +85,8 @@ pub struct Diagnosis {
     pub stages: Vec<(Stage, f64)>,
     /// Effects that the verdict blames.
     pub blamed: Vec<Blame>,
-    /// What was known of the unit beside its recordings.
-    pub judged_by: JudgedBy,
+    /// What was judged, and by what.
+    pub setup: Setup,
     /// The whole catalogue, `unknown` and `none`, most probable first.
     pub ranking: Vec<Ranked>,
     /// The gap in each signal.

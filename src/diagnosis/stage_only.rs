@@ -8,8 +8,8 @@ use crate::decision::Decision;
 use crate::hypotheses::Explored;
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
-use crate::preparation::{Alone, Preparation};
-use crate::result::{StageOnly, Verdict};
+use crate::preparation::{Preparation, StageAlone};
+use crate::result::{Setup, StageOnly, Verdict};
 use crate::stage_alone::competing_laws::Follows;
 use crate::stage_only::free_runs::Compared;
 use crate::stage_only::stage_figures::stage_figures;
@@ -19,14 +19,17 @@ use govtwin_model::frame::Estimate;
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
-/// Effects on top of the first must all be this probable to be named: with a sheet, and where everything is fitted freely.
-const SURE: (f64, f64) = (0.6, 0.95);
+/// Effects on top of the first must all be this probable to be named, with a sheet.
+const SURE: f64 = 0.6;
+/// The same where everything is fitted freely.
+const SURE_IF_FREE: f64 = 0.95;
 /// Without a sheet an effect that explains this share of what the best one does cannot be told from it.
 const CLOSE: f64 = 0.9;
 /// A stage that leaves no more than this, in squares of what the most flexible law leaves, has no effect that could be named.
 const CALM_ENOUGH: f64 = 3.0;
 /// Gain in cost that may be chance.
 const LEAST_GAIN: f64 = 8.0;
+
 /// The decision as far as a stage on its own bears it, what was taken back in words, and the models in free runs.
 ///
 /// Without a sheet everything is fitted freely, and a piece of a recording starts in a state that nobody measured: a second effect, or the
@@ -35,20 +38,20 @@ const LEAST_GAIN: f64 = 8.0;
 pub(crate) fn modest(
     problem: &Problem,
     found: &Explored,
-    ready: &Preparation,
+    (ready, stage): (&Preparation, &StageAlone),
     decision: Decision,
 ) -> (Decision, Vec<String>, Compared) {
-    let Some(alone) = &ready.alone else { return (decision, Vec::new(), Compared::default()) };
-    if let Some(foreign) = foreign(alone) {
-        let compared = Compared::of(ready, &[found.refitted()]);
+    if let Some(foreign) = foreign(stage) {
+        let compared = Compared::of(ready, stage, &[found.refitted()]);
         return (decision.forced(Verdict::NoSuchUnit), vec![foreign], compared);
     }
-    let (decision, mut said) = careful(problem, found, ready, decision);
-    let compared = Compared::of(ready, &twins(found, &decision));
+    let floor_square = floor_square(problem, ready.setup, stage);
+    let (decision, mut said) = careful(problem, found, ready.setup, floor_square, decision);
+    let compared = Compared::of(ready, stage, &twins(found, &decision));
     let (decision, withdrawn) = only_predicting(&compared, decision);
     said.extend(withdrawn);
     if decision.verdict == Verdict::NoGap
-        && let Some(missed) = beyond_transducers(problem, found.refitted(), floor_square(problem, ready, alone))
+        && let Some(missed) = beyond_transducers(problem, found.refitted(), floor_square)
     {
         said.push(missed);
         return (decision.forced(Verdict::Unknown), said, compared);
@@ -93,9 +96,9 @@ fn only_predicting(compared: &Compared, mut decision: Decision) -> (Decision, Ve
 }
 
 /// That the recordings are of no such stage, in a sentence, where another law predicts them better.
-fn foreign(alone: &Alone) -> Option<String> {
-    let [sum, spool, nothing] = alone.left.map(|left| format!("{:.1} %", 100.0 * left));
-    match alone.follows {
+fn foreign(stage: &StageAlone) -> Option<String> {
+    let [sum, spool, nothing] = stage.left.map(|left| format!("{:.1} %", 100.0 * left));
+    match stage.follows {
         Follows::Sum => None,
         Follows::Spool { settles_s } => Some(format!(
             "The position does not integrate the spool position, as a servomotor does, but settles within {settles_s:.2} s to a value set by the \
@@ -110,9 +113,9 @@ fn foreign(alone: &Alone) -> Option<String> {
 }
 
 /// Mean square residual of a right model, due to the transducers, in pu squared.
-fn floor_square(problem: &Problem, ready: &Preparation, alone: &Alone) -> f64 {
-    let seen = alone.seen.transducers.powi(2);
-    if !ready.sheet {
+fn floor_square(problem: &Problem, setup: Setup, stage: &StageAlone) -> f64 {
+    let seen = stage.seen.transducers.powi(2);
+    if setup == Setup::StageFree {
         return seen;
     }
     let of = |recording| problem.floor_square(recording, Signal::ServomotorPosition);
@@ -169,10 +172,16 @@ fn left_out_square(problem: &Problem, model: &FittedModel) -> f64 {
     means.iter().sum::<f64>() / means.len().max(1) as f64
 }
 
-fn careful(problem: &Problem, found: &Explored, ready: &Preparation, decision: Decision) -> (Decision, Vec<String>) {
-    let mut decision = decision;
+fn careful(
+    problem: &Problem,
+    found: &Explored,
+    setup: Setup,
+    floor_square: f64,
+    mut decision: Decision,
+) -> (Decision, Vec<String>) {
+    let is_free = setup == Setup::StageFree;
     let calm = found.refitted().cost() < CALM_ENOUGH * problem.independent_samples() + LEAST_GAIN;
-    if !ready.sheet && calm && !predicts_better(problem, found, &decision) {
+    if is_free && calm && !predicts_better(problem, found, &decision) {
         let blamed = decision.verdict != Verdict::NoGap;
         let words = "The fitted stage leaves little more error than the most flexible law of the spool, and no effect predicts held-out \
                      pieces better.";
@@ -180,7 +189,7 @@ fn careful(problem: &Problem, found: &Explored, ready: &Preparation, decision: D
         return (decision.forced(Verdict::NoGap), said.into_iter().collect());
     }
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
-    let sure = if ready.sheet { SURE.0 } else { SURE.1 };
+    let sure = if is_free { SURE_IF_FREE } else { SURE };
     let sure_of = |(place, id): &(usize, &&'static str)| *place == 0 || probability(id) >= sure;
     let (kept, doubtful): (Vec<_>, Vec<_>) = decision.blamed.iter().enumerate().partition(sure_of);
     let ids = |some: Vec<(usize, &&'static str)>| some.into_iter().map(|(_, id)| *id).collect::<Vec<_>>();
@@ -194,11 +203,11 @@ fn careful(problem: &Problem, found: &Explored, ready: &Preparation, decision: D
         ));
         decision.blamed = kept;
     }
-    if !ready.sheet && decision.verdict == Verdict::Named && decision.blamed.len() > 1 {
-        said.extend(single_instead(problem, found, ready, &mut decision));
+    if is_free && decision.verdict == Verdict::Named && decision.blamed.len() > 1 {
+        said.extend(single_instead(problem, found, floor_square, &mut decision));
     }
     let names = matches!(decision.verdict, Verdict::Named | Verdict::Class);
-    if !ready.sheet && names && decision.blamed.len() == 1 {
+    if is_free && names && decision.blamed.len() == 1 {
         let competing = near(found);
         if competing.len() > 1 {
             decision.verdict = Verdict::Class;
@@ -213,12 +222,11 @@ fn careful(problem: &Problem, found: &Explored, ready: &Preparation, decision: D
 
 /// Takes one effect in the place of several where those predict pieces left out no better than a single one does, or where that leaves no more than
 /// the transducers account for; says so.
-fn single_instead(problem: &Problem, found: &Explored, ready: &Preparation, decision: &mut Decision) -> Option<String> {
+fn single_instead(problem: &Problem, found: &Explored, floor_square: f64, decision: &mut Decision) -> Option<String> {
     let together = left_out_square(problem, found.with(&decision.blamed)?);
     let singles = near(found).into_iter().filter_map(|id| Some((id, left_out_square(problem, found.with(&[id])?))));
     let (best, alone) = singles.min_by(|a, b| a.1.total_cmp(&b.1))?;
     let further = decision.blamed.len() - 1;
-    let floor_square = ready.alone.as_ref().map_or(0.0, |alone| floor_square(problem, ready, alone));
     if is_better(problem, alone, together, further) && is_beyond(problem, alone / floor_square) {
         return None;
     }
@@ -260,15 +268,14 @@ fn near(found: &Explored) -> Vec<&'static str> {
     gains.into_iter().filter(|(_, gain)| *gain >= CLOSE * best).take(3).map(|(id, _)| id).collect()
 }
 
-/// What a report says of the part; none of a whole chain.
+/// What a report says of the part.
 #[must_use]
 pub(crate) fn describe(
-    ready: &Preparation,
+    (ready, stage): (&Preparation, &StageAlone),
     found: &Explored,
     decision: &Decision,
     compared: Compared,
-) -> Option<StageOnly> {
-    let alone = ready.alone.as_ref()?;
+) -> StageOnly {
     let claimed = match (decision.verdict, decision.blamed.as_slice()) {
         (Verdict::Named, all) => found.with(all),
         (Verdict::Class, [first, ..]) => found.with(&[first]),
@@ -279,22 +286,22 @@ pub(crate) fn describe(
             (Some(first), Some(last)) => last.time_ns - first.time_ns,
             _ => 0,
         });
-    let foreign = foreign(alone);
+    let foreign = foreign(stage);
     let plain_wins = compared.winner().map(|plain| plain.model.clone());
     // Figures of a law that was just refused would be believed.
     let refused = foreign.is_some() || compared.settles();
     let model = claimed.unwrap_or_else(|| found.refitted());
-    Some(StageOnly {
-        sheet: ready.sheet,
+    StageOnly {
+        sheet: ready.setup != Setup::StageFree,
         pieces: ready.recordings.len(),
         piece_s: seconds_from_nanos(length_ns),
-        figures: if refused { Vec::new() } else { stage_figures(model, &alone.law, &ready.recordings) },
-        transducers_pu: alone.seen.transducers,
+        figures: if refused { Vec::new() } else { stage_figures(model, &stage.law, &ready.recordings) },
+        transducers_pu: stage.seen.transducers,
         foreign,
         free_run_s: compared.free_run_s,
         free_runs: compared.free_runs,
         models: compared.models,
         plain_wins,
         driven_by: compared.drive.to_owned(),
-    })
+    }
 }

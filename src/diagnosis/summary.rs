@@ -111,7 +111,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
     let refitted_parts = without_parts(problem, refitted_model);
-    let widening = judged.numbers.widening(settings.judged_by);
+    let widening = judged.numbers.widening(settings.setup);
     let widened = |interval: Interval| interval.widened(widening);
     let whole = widened(explained_fraction(problem, &refitted_parts, &without_parts(problem, chosen), settings.seed));
     let nearest = if has_gap { judged.nearest() } else { chosen };
@@ -181,7 +181,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         sets: decision.sets.clone(),
         traces: traces(problem, [&delivered, &refitted, &with_nearest]),
         blamed,
-        judged_by: settings.judged_by,
+        setup: settings.setup,
         part: None,
         notes,
         simulations: problem.simulations(),
@@ -262,7 +262,7 @@ fn blames(
                 stage: spec.stage,
                 probability: probability(id),
                 parameters: fitted_effect(model, judged.numbers.size_spread, spec),
-                explained_fraction: share.widened(judged.numbers.widening(settings.judged_by)),
+                explained_fraction: share.widened(judged.numbers.widening(settings.setup)),
                 last_in: None,
                 shapley: None,
             })

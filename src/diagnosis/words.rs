@@ -277,7 +277,7 @@ pub fn errors(diagnosis: &Diagnosis) -> String {
                 1 => format!(", {with_faults} with the fault"),
                 _ => format!(", {with_faults} with the faults"),
             };
-            let (name, title) = (gap.signal.title().to_lowercase(), diagnosis.judged_by.sheet_title());
+            let (name, title) = (gap.signal.title().to_lowercase(), diagnosis.setup.sheet_title());
             format!("{name} {sheet} with the {title}, {recalibrated} recalibrated{with_faults} (noise alone {noise})")
         })
         .collect();

@@ -12,7 +12,7 @@ mod traces;
 
 use super::draw::{DrawError, svg};
 use super::page::{KeyFigure, Page, PageBody, Tone};
-use govtwin_diagnosis::result::{Diagnosis, JudgedBy, Trace, Verdict};
+use govtwin_diagnosis::result::{Diagnosis, Setup, Trace, Verdict};
 use govtwin_diagnosis::words;
 use govtwin_model::number::significant;
 use govtwin_model::provenance::Provenance;
@@ -153,10 +153,10 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
 fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
     body.heading("RMS error of the twin");
     if !diagnosis.gap.is_empty() {
-        let caption = if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) {
+        let caption = if diagnosis.setup == Setup::StageFree {
             "Data sheet: a first guess, as none is known. Recalibrated: the stage fitted freely, equal in both directions. Line: error \
              from transducer noise alone, estimated from the differences between neighbouring samples."
-        } else if diagnosis.judged_by == JudgedBy::AssumedSheet {
+        } else if diagnosis.setup == Setup::AssumedSheet {
             "Assumed sheet: estimated from the recordings. Recalibrated: its values fitted within their tolerances. Line: expected error of \
              a correct twin, from transducer noise and chatter of the regulator."
         } else {
@@ -201,7 +201,7 @@ fn recordings(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawErro
     // A report that was read back has the curves of one recording.
     let mut order: Vec<&Trace> = diagnosis.traces.iter().filter(|trace| !trace.time_s.is_empty()).collect();
     order.sort_by(|a, b| traces::gap(b).total_cmp(&traces::gap(a)));
-    let sheet = diagnosis.judged_by.sheet_title();
+    let sheet = diagnosis.setup.sheet_title();
     let picture = |trace: &Trace, window_s| traces::picture(trace, window_s, improved, sheet);
     for (rank, trace) in order.into_iter().enumerate() {
         let mut inner = PageBody::new();

@@ -1,6 +1,6 @@
 //! Synthetic recordings of the servomotor stage alone: a script moves the spool, the twin answers, transducers add noise.
 
-use govtwin_diagnosis::result::{Diagnosis, JudgedBy};
+use govtwin_diagnosis::result::{Diagnosis, Setup};
 use govtwin_diagnosis::{DiagnosisSettings, diagnose};
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::parameters::{EffectSetting, Unit};
@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// A diagnosis of a stage of which nothing but these recordings is known.
 pub fn freely(recordings: Vec<Recording>) -> Diagnosis {
-    let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
+    let settings = DiagnosisSettings { setup: Setup::StageFree, ..DiagnosisSettings::default() };
     diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap()
 }
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use govtwin_bag::Topics;
-use govtwin_diagnosis::result::JudgedBy;
+use govtwin_diagnosis::result::Setup;
 use govtwin_diagnosis::sheet::recorded::fill;
 use govtwin_diagnosis::sheet::{Derived, Plate, derive};
 use govtwin_model::parameters::Unit;
@@ -119,11 +119,11 @@ fn note(plate: &Plate, derived: &Derived) -> String {
 
 impl By {
     /// In the words of the diagnosis.
-    pub fn kind(&self) -> JudgedBy {
+    pub fn setup(&self) -> Setup {
         match self {
-            Self::Sheet | Self::Reference => JudgedBy::DataSheet,
-            Self::Recordings { .. } => JudgedBy::AssumedSheet,
-            Self::Nothing { .. } => JudgedBy::Nothing,
+            Self::Sheet | Self::Reference => Setup::Chain,
+            Self::Recordings { .. } => Setup::AssumedSheet,
+            Self::Nothing { .. } => Setup::StageFree,
         }
     }
 

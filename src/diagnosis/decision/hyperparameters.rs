@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::result::JudgedBy;
+use crate::result::Setup;
 
 /// Most of what a set explains that a further effect may have to gain.
 const MOST_FURTHER_SHARE: f64 = 0.3;
@@ -102,9 +102,9 @@ impl Hyperparameters {
 
     /// Factor on the half-widths of the interval of the explained fraction of a unit that was judged by this.
     #[must_use]
-    pub fn widening(&self, judged_by: JudgedBy) -> f64 {
-        match judged_by {
-            JudgedBy::AssumedSheet => self.explained_fraction_widening_assumed_sheet,
+    pub fn widening(&self, setup: Setup) -> f64 {
+        match setup {
+            Setup::AssumedSheet => self.explained_fraction_widening_assumed_sheet,
             _ => self.explained_fraction_widening,
         }
     }

@@ -8,9 +8,9 @@ use serde_json::Value;
 use crate::hypotheses::table::EvidenceTable;
 use crate::model::consistency::Consistency;
 use crate::result::{
-    Blame, Breakdown, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted, Interval,
-    JudgedBy, Ranked, Regret, Remainder, SheetLimits, SignalGap, StageFigure, StageOnly, StageTest, Trace, Transfer,
-    Tried, Verdict,
+    Blame, Breakdown, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted, Interval, Ranked,
+    Regret, Remainder, Setup, SheetLimits, SignalGap, StageFigure, StageOnly, StageTest, Trace, Transfer, Tried,
+    Verdict,
 };
 use govtwin_model::effects::Stage;
 use govtwin_model::parameters::{ChannelReadings, Parameters, Sensors, Unit};
@@ -31,7 +31,7 @@ pub struct DiagnosisReport {
     pub verdict: Verdict,
     /// What was known of the unit beside its recordings. Reports of before it was said are by a data sheet.
     #[serde(default)]
-    pub judged_by: JudgedBy,
+    pub judged_by: Setup,
     /// Where the gap lies.
     #[serde(default)]
     pub location: GapLocation,
@@ -243,7 +243,7 @@ impl DiagnosisReport {
         Self {
             schema: SCHEMA.to_owned(),
             verdict,
-            judged_by: JudgedBy::default(),
+            judged_by: Setup::default(),
             location: GapLocation::default(),
             effects: Vec::new(),
             ranking: Vec::new(),
@@ -267,7 +267,7 @@ impl DiagnosisReport {
         let sets = diagnosis.sets.iter().cloned();
         let pairs = diagnosis.ambiguous_pairs.iter().cloned();
         Self {
-            judged_by: diagnosis.judged_by,
+            judged_by: diagnosis.setup,
             location: GapLocation {
                 stage: diagnosis.stage,
                 probability: stages.into_iter().map(|(stage, share)| (stage, Some(share))).collect(),
@@ -349,9 +349,14 @@ impl From<DiagnosisReport> for Diagnosis {
         let mut stages: Vec<(Stage, f64)> = location.probability.into_iter().map(share).collect();
         stages.sort_by(|a, b| b.1.total_cmp(&a.1));
         let figures = fitted_stage.unwrap_or_default();
+        let setup = match &evidence.part {
+            Some(part) if part.sheet => Setup::Stage,
+            Some(_) => Setup::StageFree,
+            None => report.judged_by,
+        };
         Self {
             verdict: report.verdict,
-            judged_by: report.judged_by,
+            setup,
             stage: location.stage,
             stages,
             blamed: report.effects,

@@ -10,7 +10,7 @@ use crate::estimation::fit::{Effort, fit};
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, twin_of};
 use crate::model::FittedModel;
-use crate::preparation::Preparation;
+use crate::preparation::{Preparation, StageAlone};
 use crate::result::{ComparedModel, FreeRun, ModelParameter};
 use crate::stage_alone::command::Deviation;
 use crate::stage_alone::pieces::{pieces, windows};
@@ -49,10 +49,10 @@ type Squares = Vec<(f64, usize)>;
 
 impl Compared {
     /// Fits and runs the models; empty where there are no two halves.
-    pub(crate) fn of(ready: &Preparation, twins: &[&FittedModel]) -> Self {
-        let deviation = ready.alone.as_ref().and_then(|alone| alone.deviation);
-        let drive = if ready.alone.as_ref().is_some_and(|alone| alone.by_command) { "command" } else { "spool" };
-        let whole: Vec<Run> = ready
+    pub(crate) fn of(ready: &Preparation, stage: &StageAlone, twins: &[&FittedModel]) -> Self {
+        let deviation = stage.deviation();
+        let drive = if stage.stands_in.is_some() { "command" } else { "spool" };
+        let whole: Vec<Run> = stage
             .whole
             .iter()
             .cloned()
@@ -60,7 +60,7 @@ impl Compared {
             .filter_map(|one| Run::of(&one))
             .collect();
         let mut compared = Self { free_run_s: free_run_s(&whole), drive, ..Self::default() };
-        let Some(halves) = halves(&ready.whole, compared.free_run_s) else { return compared };
+        let Some(halves) = halves(&stage.whole, compared.free_run_s) else { return compared };
         for model in twins {
             let errors = [0, 1].map(|half| {
                 let problem = Problem::new(halves[half].clone(), &model.unit(), &ready.noise);

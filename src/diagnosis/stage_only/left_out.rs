@@ -7,7 +7,7 @@ use crate::hypotheses::explorer::RARITY;
 use crate::hypotheses::table::{EvidenceTable, StageEvidence};
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
-use crate::preparation::Preparation;
+use crate::result::Setup;
 use crate::summary::explained_fraction::without_recordings;
 use govtwin_model::frame::Estimate;
 use govtwin_model::signal::Signal;
@@ -16,10 +16,7 @@ use govtwin_model::signal::Signal;
 const TRIED: usize = 10;
 
 /// Adds to a table of a stage alone what is missed on pieces left out.
-pub(crate) fn add(table: &mut EvidenceTable, problem: &Problem, found: &Explored, ready: &Preparation) {
-    if ready.alone.is_none() {
-        return;
-    }
+pub(crate) fn add(table: &mut EvidenceTable, problem: &Problem, found: &Explored, setup: Setup) {
     let mut order: Vec<usize> = (0..table.rows.len()).collect();
     let odds = |row: usize| -0.5 * table.rows[row].cost - RARITY * table.rows[row].effects.len() as f64;
     order.sort_by(|&a, &b| odds(b).total_cmp(&odds(a)));
@@ -36,7 +33,7 @@ pub(crate) fn add(table: &mut EvidenceTable, problem: &Problem, found: &Explored
     for (row, square) in squares {
         table.rows[row].left_out_square = Some(square);
     }
-    table.stage_alone = Some(StageEvidence { sheet: ready.sheet, pieces: problem.recordings.len() });
+    table.stage_alone = Some(StageEvidence { sheet: setup != Setup::StageFree, pieces: problem.recordings.len() });
 }
 
 /// Mean square that a model misses on pieces left out of its fit, pu²: geometric mean of the pieces, so that none outweighs the others.

@@ -1,5 +1,6 @@
 //! Where: the gap of every signal, and its square split exactly over processes, phases, directions, spool bands, end zones and ESV states.
 
+use crate::hypotheses::explorer::is_stage_alone;
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
 use crate::result::{Breakdown, BreakdownPart, SignalGap};
@@ -41,7 +42,7 @@ const DIVISIONS: [Division; 6] = [
 #[must_use]
 pub fn breakdowns(problem: &Problem, refitted: &[Vec<Estimate>], with_effects: &[Vec<Estimate>]) -> Vec<Breakdown> {
     let mut all = Vec::new();
-    let stage_only = problem.recordings.iter().all(|recording| recording.cut == govtwin_model::twin::Cut::Spool);
+    let stage_only = is_stage_alone(problem);
     for signal in Signal::POSITIONS {
         for (by, names, part_of) in DIVISIONS {
             // Without command and ESV these say nothing.

@@ -2,7 +2,7 @@
 
 use crate::diagnosis::stage::{fitted_stage, plain_wins};
 use crate::diagnosis::{claims, next_test, traces};
-use govtwin_diagnosis::result::{Diagnosis, Fitted, JudgedBy, Verdict};
+use govtwin_diagnosis::result::{Diagnosis, Fitted, Setup, Verdict};
 use govtwin_diagnosis::words::{
     besides, capital, cause, errors, explained, id_words, in_words, key_words, listed, of_several, over_noise, percent,
     probability, remains, stage_title, symptom, values,
@@ -105,12 +105,12 @@ pub fn moved(diagnosis: &Diagnosis, beyond: f64) -> Vec<&Fitted> {
 
 /// Values that the recalibration moved far off a data sheet, where one is known.
 pub fn far_off(diagnosis: &Diagnosis) -> Vec<&Fitted> {
-    if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) { Vec::new() } else { moved(diagnosis, FAR) }
+    if diagnosis.setup == Setup::StageFree { Vec::new() } else { moved(diagnosis, FAR) }
 }
 
 /// What the recalibration found.
 fn no_gap(diagnosis: &Diagnosis) -> String {
-    let (moved, sheet) = (moved(diagnosis, MOVED), diagnosis.judged_by.sheet_title());
+    let (moved, sheet) = (moved(diagnosis, MOVED), diagnosis.setup.sheet_title());
     if moved.is_empty() {
         return format!(
             "No fault found, and the {sheet} is right: recalibration moved no value by more than one tolerance.{}",
@@ -260,8 +260,7 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     let mut first = format!("{}.", parts.join("; "));
     let claimed = claimed.filter(|_| !diagnosis.ranking.is_empty());
     // Only whole chains with a data sheet were counted.
-    let counted = diagnosis.part.is_none() && diagnosis.judged_by == JudgedBy::DataSheet;
-    let rate = claimed.filter(|_| counted).and_then(claims::like);
+    let rate = claimed.filter(|_| diagnosis.setup == Setup::Chain).and_then(claims::like);
     // In one paragraph, so that a phone shows both.
     if let Some(rate) = rate {
         first += &format!(" {rate}");
@@ -297,11 +296,7 @@ fn reach(diagnosis: &Diagnosis) -> Vec<String> {
     let far = far_off(diagnosis);
     if !far.is_empty() && diagnosis.verdict != Verdict::NoGap {
         let found: Vec<String> = far.iter().take(NAMED_VALUES).map(|one| found(one)).collect();
-        all.push(format!(
-            "This holds only if the {} is far off: {}.",
-            diagnosis.judged_by.sheet_title(),
-            found.join(", ")
-        ));
+        all.push(format!("This holds only if the {} is far off: {}.", diagnosis.setup.sheet_title(), found.join(", ")));
     }
     all
 }

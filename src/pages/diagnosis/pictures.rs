@@ -20,7 +20,7 @@ fn height(bars: usize) -> u32 {
 pub fn residuals(diagnosis: &Diagnosis, explained: bool) -> Picture {
     let panel = |gap: &SignalGap| {
         let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
-        let mut steps = vec![(diagnosis.judged_by.sheet_title(), gap.delivered), ("recalibrated", gap.refitted)];
+        let mut steps = vec![(diagnosis.setup.sheet_title(), gap.delivered), ("recalibrated", gap.refitted)];
         if explained {
             steps.push(("with faults", gap.with_effects));
         }

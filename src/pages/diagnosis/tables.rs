@@ -14,7 +14,7 @@ const NEXT_TO_NOTHING: f64 = 0.05;
 
 /// RMS errors of the twins and the noise floor, by signal.
 pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
-    let mut table = Table::new().words("signal").numbers(diagnosis.judged_by.sheet_title()).numbers("recalibrated");
+    let mut table = Table::new().words("signal").numbers(diagnosis.setup.sheet_title()).numbers("recalibrated");
     if explained {
         table = table.numbers("with faults");
     }

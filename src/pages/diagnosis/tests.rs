@@ -6,7 +6,7 @@ use govtwin_diagnosis::hypotheses::table::EvidenceTable;
 use govtwin_diagnosis::model::discrepancy::Curve;
 use govtwin_diagnosis::result::{
     Blame, Breakdown, BreakdownPart, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted,
-    Interval, JudgedBy, LargestError, Ranked, Remainder, SignalGap, StageTest, Trace, Tried, Verdict,
+    Interval, LargestError, Ranked, Remainder, Setup, SignalGap, StageTest, Trace, Tried, Verdict,
 };
 use govtwin_model::effects::Stage;
 use govtwin_model::parameters::Unit;
@@ -173,7 +173,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         }],
         blamed: blamed.iter().map(blame).collect(),
         part: None,
-        judged_by: JudgedBy::DataSheet,
+        setup: Setup::Chain,
         notes: vec!["x < y.".into()],
         simulations: 7,
     }
@@ -302,7 +302,7 @@ fn a_sound_unit_is_told_what_recalibration_found_and_no_place() {
     assert!(html.contains(">main_ports.overlap_m<"), "the key beside it, to be looked up in the sheet");
     diagnosis.parameters[0].position = 0.3;
     assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the data sheet is right"));
-    diagnosis.judged_by = JudgedBy::AssumedSheet;
+    diagnosis.setup = Setup::AssumedSheet;
     assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the assumed sheet is right"));
     // Only claims on whole chains with a data sheet were counted.
     assert!(!summary(&diagnosis, usize::MAX).contains("held-out generated"));

@@ -5,14 +5,16 @@ use govtwin_diagnosis::model::consistency::Consistency;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::test_script::{CommandShape, TestScript};
 use govtwin_diagnosis::result::{
-    ComparedModel, FreeRun, HiddenEffect, ModelParameter, NEXT_TEST, SheetLimits, SheetValue, StageFigure, StageOnly,
-    Transfer, Verdict,
+    ComparedModel, FreeRun, HiddenEffect, ModelParameter, NEXT_TEST, Setup, SheetLimits, SheetValue, StageFigure,
+    StageOnly, Transfer, Verdict,
 };
 use govtwin_model::signal::Signal;
 
 #[test]
 fn a_report_reads_back_as_it_was_written_and_makes_the_same_page() {
-    for (verdict, blamed) in [(Verdict::Named, &["backlash", "load"][..]), (Verdict::NoGap, &[])] {
+    let (pair, nothing) = (&["backlash", "load"][..], &[][..]);
+    for (verdict, blamed, setup) in [(Verdict::Named, pair, Setup::Stage), (Verdict::NoGap, nothing, Setup::StageFree)]
+    {
         let mut diagnosis = made_up(verdict, blamed);
         let script = TestScript { start_pu: 0.0, shape: CommandShape::Ramp { to_pu: 1.0 }, length_s: 34.0 };
         (diagnosis.experiments[0].script, diagnosis.experiments[0].bag) = (Some(script), Some(NEXT_TEST.to_owned()));
@@ -25,8 +27,9 @@ fn a_report_reads_back_as_it_was_written_and_makes_the_same_page() {
         let innovations =
             Consistency { signal: Signal::SpoolPosition, samples: 9, mean_square: 1.1, correlation: f64::NAN };
         diagnosis.consistency = [vec![innovations], vec![]];
+        diagnosis.setup = setup;
         diagnosis.part = Some(StageOnly {
-            sheet: true,
+            sheet: setup == Setup::Stage,
             pieces: 2,
             piece_s: 20.0,
             figures: vec![StageFigure { id: "gain", title: "gain", unit: "1/s", value: diagnosis.explained_fraction }],
