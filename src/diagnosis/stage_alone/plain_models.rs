@@ -14,6 +14,9 @@ const TITLES: [(&str, PlainKind); 6] = [
     ("set point with lag", PlainKind::SetPoint),
 ];
 
+/// What the play of a loop is called: one that stops short of where it is sent by half of a width tells no more.
+const PLAY: &str = "backlash or dead band, full width";
+
 /// The kinds of plain models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PlainKind {
@@ -27,7 +30,7 @@ pub(crate) enum PlainKind {
     PlainLaw,
     /// The position settles to a line over what drives it.
     Lag,
-    /// The same with a delay and a rate limit each way.
+    /// The same with a delay, a rate limit each way, and play or a dead band.
     SetPoint,
 }
 
@@ -137,6 +140,9 @@ impl PlainModel {
                 ];
                 if kind == PlainKind::SetPoint {
                     all.push(of("delay", law.delay_s, seconds()));
+                    if law.half_play > 0.0 {
+                        all.push(of(PLAY, 2.0 * law.half_play, "of the position".to_owned()));
+                    }
                     let limits = [("rate limit, rising", law.rising_limit), ("rate limit, falling", law.falling_limit)];
                     all.extend(
                         limits

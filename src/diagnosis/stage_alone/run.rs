@@ -183,6 +183,14 @@ pub(crate) fn mean_spool(runs: &[Run]) -> f64 {
     spools().sum::<f64>() / spools().count().max(1) as f64
 }
 
+/// Greatest less least of what runs hold.
+#[must_use]
+pub(crate) fn travel(runs: &[Run], of: fn(&Run) -> &Vec<f64>) -> f64 {
+    let values = runs.iter().flat_map(|run| of(run).iter());
+    let ends = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+    ends.1 - ends.0
+}
+
 /// Typical length of runs, s.
 #[must_use]
 pub(crate) fn typical_s(runs: &[Run]) -> f64 {

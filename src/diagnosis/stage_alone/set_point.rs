@@ -1,15 +1,21 @@
 //! A set point with lag: the law of a position loop that is known by its command and its position alone.
 //!
-//! `dY/dt = (K u(t − d) + c − Y) / T`, no faster than a limit each way: gain, level, delay, lag and rate limits (a first-order lag plus dead time: Åström &
-//! Hägglund 2006, *Advanced PID Control*, section 2.6). Gain and level are linear at a delay and a lag; from the best of a grid, and from slower limits
-//! with a shorter lag, all are fitted together to free runs.
+//! `dX/dt = (K u(t − d) + c − X) / T`, no faster than a limit each way: gain, level, delay, lag and rate limits (a first-order lag plus dead time: Åström &
+//! Hägglund 2006, *Advanced PID Control*, section 2.6). The position follows X behind play, and stops short of where X goes by half of it (the backlash
+//! operator: Tao & Kokotović 1996, *Adaptive Control of Systems with Actuator and Sensor Nonlinearities*, chapter 2); a dead band of the loop does the same.
+//! Gain and level are linear at a delay and a lag; from the best of a grid, and from slower limits with a shorter lag, all are fitted together to free runs.
+
+mod coordinates;
+mod motion;
 
 use nalgebra::DVector;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-use crate::estimation::coordinate::{Coordinate, Judge, Residuals, square, subject_at};
+use self::coordinates::{Axis, LAG_RANGE, MOST_PLAY};
+use self::motion::stretches;
+use crate::estimation::coordinate::{Judge, Residuals, square, subject_at};
 use crate::estimation::fit::{Effort, Start, fit_all};
-use crate::stage_alone::run::{Lag, Run, SpoolLaw, mean_spool, settled, solved, typical_s};
+use crate::stage_alone::run::{Lag, Run, SpoolLaw, mean_spool, solved, travel, typical_s};
 
 /// Samples that the fit looks at, of all runs together.
 const LOOKED_AT: usize = 20_000;
@@ -17,14 +23,15 @@ const LOOKED_AT: usize = 20_000;
 const DELAYS: [f64; 6] = [0.0, 0.01, 0.03, 0.06, 0.12, 0.24];
 /// Lags on the grid, as shares of a run's length; a lag of several lengths is an integral of the command.
 const LAGS: [f64; 10] = [0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.3, 5.0];
-/// Least and greatest lag, and greatest delay, as shares of a run's length.
-const LAG_RANGE: (f64, f64) = (1e-3, 10.0);
-const MOST_DELAY: f64 = 0.5;
 /// Time over which speeds are looked at, as a share of a run's length, and the share of them that a limit may begin at.
 const SPEED_OVER: f64 = 0.02;
 const USUAL_SPEED: f64 = 0.95;
 /// Where limits begin, over the usual speed, each with the lag over that of the law without limits.
 const STARTS: [(f64, f64); 4] = [(f64::INFINITY, 1.0), (1.0, 0.3), (0.7, 0.3), (1.0, 1.0)];
+/// Halves of the play that a fit may begin from, as shares of the position's travel.
+const PLAYS: [f64; 5] = [0.005, 0.01, 0.02, 0.04, 0.08];
+/// Standard errors of the differences between pieces by which a law with play must predict better.
+const STANDARD_ERRORS: f64 = 2.0;
 /// A part that makes the error no smaller than this is not there.
 const LEAST_WORTH: f64 = 1e-3;
 /// Enough for the least error.
@@ -45,27 +52,30 @@ pub(crate) struct SetPoint {
     pub rising_limit: f64,
     /// The same as it falls, above 0.
     pub falling_limit: f64,
+    /// Half of the play or dead band, in the position's unit.
+    pub half_play: f64,
 }
 
 impl SetPoint {
     /// Position at each sample of a run from its first; the run holds the command in the spool's place.
     #[must_use]
     pub(crate) fn simulated(&self, run: &Run) -> Vec<f64> {
-        let command = run.lagged(Lag::Dead(self.delay_s));
-        let goal = |k: usize| self.gain * command[k] + self.level;
+        let goal = |command: f64| self.gain * command + self.level;
         let mut at = run.opening[0];
+        // A loop at rest has gone as near to its goal as its play allows.
+        let mut drive = goal(run.spool[0]).clamp(at - self.half_play, at + self.half_play);
         let mut all = vec![at];
-        for k in 1..run.time_s.len() {
-            let step_s = run.time_s[k] - run.time_s[k - 1];
-            let wanted = settled(at, [goal(k - 1), goal(k)], step_s, self.lag_s) - at;
-            let most = |limit: f64| (limit * step_s).max(0.0);
-            at += wanted.min(most(self.rising_limit)).max(-most(self.falling_limit));
-            all.push(at);
-        }
+        stretches(run, self.delay_s, |stretch| {
+            drive = self.driven(drive, stretch.ends.map(goal), stretch.length_s);
+            at = at.max(drive - self.half_play).min(drive + self.half_play);
+            if stretch.is_last {
+                all.push(at);
+            }
+        });
         all
     }
 
-    /// Fits the law with delay and rate limits, or as a first-order lag without; none where the command stands still.
+    /// Fits the law with delay, rate limits and play, or as a first-order lag without; none where the command stands still.
     #[must_use]
     pub(crate) fn fitted(runs: &[Run], with_limits: bool) -> Option<Self> {
         let count: usize = runs.iter().map(|run| run.time_s.len()).sum();
@@ -89,24 +99,32 @@ impl SetPoint {
             ..linear
         };
         let bases: Vec<Self> = starts.iter().map(of).collect();
-        let axes: Vec<Vec<Axis>> =
-            bases.iter().map(|base| axes.iter().filter(|axis| axis.acts(base)).copied().collect()).collect();
-        let zeros = [0.0; Axis::MOST];
-        let starts: Vec<Start<'_, Axis>> = bases
-            .iter()
-            .zip(&axes)
-            .map(|(base, axes)| Start {
-                base,
-                coordinates: axes,
-                positions: &zeros[..axes.len()],
-                effort: EFFORT,
-                known: None,
-            })
-            .collect();
-        let fits = fit_all(&data, &starts);
-        let found = fits.iter().zip(&starts).min_by(|a, b| a.0.square.total_cmp(&b.0.square))?;
-        let best = subject_at(found.1.base, found.1.coordinates, &found.0.positions);
+        let best = data.fitted(&bases, &axes)?;
+        let best = if with_limits { best.with_play(&data, &axes) } else { best };
         Some(best.without_idle(&data))
+    }
+
+    /// The same with play, where that pays for itself between pieces: fitted to every second run, it must predict the others better.
+    fn with_play(self, data: &FreeRuns<'_>, axes: &[Axis]) -> Self {
+        let travel = travel(data.runs, |run| &run.opening);
+        let starts = PLAYS.map(|share| Self { half_play: share * travel, ..self });
+        let squares = starts.iter().map(|start| square(&data.of(start)));
+        let Some((_, start)) = squares.zip(starts).min_by(|a, b| a.0.total_cmp(&b.0)) else { return self };
+        let parts: [Vec<Run>; 2] =
+            [0, 1].map(|which| data.runs.iter().skip(which).step_by(2).cloned().collect::<Vec<Run>>());
+        let mut gained = Vec::new();
+        for which in [0, 1] {
+            let [own, other] = [which, 1 - which].map(|part| FreeRuns { runs: &parts[part], size: data.size });
+            let Some((without, with)) = own.fitted(&[self], axes).zip(own.fitted(&[start], axes)) else { return self };
+            let errors = [without, with].map(|law| other.of(&law).iter().map(DVector::norm).collect::<Vec<f64>>());
+            let gain = |(without, with): (&f64, &f64)| (without / with.max(f64::MIN_POSITIVE)).ln();
+            gained.push(errors[0].iter().zip(&errors[1]).map(gain).collect());
+        }
+        match data.fitted(&[start], axes) {
+            // Play that is as large as it may be stands for something else.
+            Some(law) if pays(&gained) && law.half_play < 0.99 * MOST_PLAY * travel => law,
+            _ => self,
+        }
     }
 
     /// The best on the grid without limits.
@@ -124,16 +142,17 @@ impl SetPoint {
             let missed: f64 = normals.iter().map(|normal| normal.missed(&best)).sum();
             let (gain, level) = (best[0], best[1] - best[0] * middle);
             let (rising_limit, falling_limit) = (f64::INFINITY, f64::INFINITY);
-            let law = Self { gain, level, delay_s, lag_s, rising_limit, falling_limit };
+            let law = Self { gain, level, delay_s, lag_s, rising_limit, falling_limit, half_play: 0.0 };
             (gain.is_finite() && gain != 0.0 && level.is_finite()).then_some((missed, law))
         };
         let found: Vec<(f64, Self)> = grid.par_iter().filter_map(of).collect();
         found.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, law)| law)
     }
 
-    /// The same without limits, delay and lag that make no difference.
+    /// The same without play, limits, delay and lag that make no difference.
     fn without_idle(self, data: &FreeRuns<'_>) -> Self {
-        let none: [fn(&mut Self); 4] = [
+        let none: [fn(&mut Self); 5] = [
+            |law| law.half_play = 0.0,
             |law| law.rising_limit = f64::INFINITY,
             |law| law.falling_limit = f64::INFINITY,
             |law| law.delay_s = 0.0,
@@ -150,6 +169,16 @@ impl SetPoint {
         }
         law
     }
+}
+
+/// Whether what is gained in the pieces of two parts, as logarithms of errors, is a gain in both, and beyond the spread between pieces.
+fn pays(gained: &[Vec<f64>]) -> bool {
+    let all: Vec<f64> = gained.iter().flatten().copied().collect();
+    let count = all.len() as f64;
+    let mean = all.iter().sum::<f64>() / count;
+    let variance = all.iter().map(|one| (one - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let in_both = gained.iter().all(|part| part.iter().sum::<f64>() > 0.0);
+    in_both && mean > STANDARD_ERRORS * (variance / count).sqrt()
 }
 
 /// Usual speed of the position as it rises and as it falls.
@@ -184,6 +213,27 @@ struct FreeRuns<'a> {
 }
 
 impl FreeRuns<'_> {
+    /// The best fit from several starts.
+    fn fitted(&self, bases: &[SetPoint], axes: &[Axis]) -> Option<SetPoint> {
+        let axes: Vec<Vec<Axis>> =
+            bases.iter().map(|base| axes.iter().filter(|axis| axis.acts(base)).copied().collect()).collect();
+        let zeros = [0.0; Axis::MOST];
+        let starts: Vec<Start<'_, Axis>> = bases
+            .iter()
+            .zip(&axes)
+            .map(|(base, axes)| Start {
+                base,
+                coordinates: axes,
+                positions: &zeros[..axes.len()],
+                effort: EFFORT,
+                known: None,
+            })
+            .collect();
+        let fits = fit_all(self, &starts);
+        let best = fits.iter().zip(&starts).min_by(|a, b| a.0.square.total_cmp(&b.0.square));
+        best.map(|(fit, start)| subject_at(start.base, start.coordinates, &fit.positions))
+    }
+
     fn of(&self, law: &SetPoint) -> Residuals {
         let of = |run: &Run| {
             let said = law.simulated(run);
@@ -202,113 +252,19 @@ impl Judge<SetPoint> for FreeRuns<'_> {
     }
 }
 
-/// What is turned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
-    Gain,
-    Level,
-    Lag,
-    Delay,
-    Rising,
-    Falling,
-}
-
-/// One number of the law, in steps of its own.
-#[derive(Clone, Copy, Debug)]
-struct Axis {
-    part: Part,
-    /// A step: of gain, level and delay in their unit, of the others as a logarithm.
-    step: f64,
-    /// Between which values, in the number's unit.
-    range: (f64, f64),
-    /// The command about which the gain turns.
-    middle: f64,
-}
-
-impl Axis {
-    const MOST: usize = 6;
-
-    fn all(runs: &[Run], start: &SetPoint, with_limits: bool) -> Vec<Self> {
-        let length_s = typical_s(runs);
-        let travel = |of: fn(&Run) -> &Vec<f64>| {
-            let values = runs.iter().flat_map(|run| of(run).iter());
-            let ends = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
-            ends.1 - ends.0
-        };
-        let (command, opening) = (travel(|run| &run.spool), travel(|run| &run.opening));
-        let all = (f64::NEG_INFINITY, f64::INFINITY);
-        let axis = |part, step, range| Self { part, step, range, middle: mean_spool(runs) };
-        let speeds = usual_speeds(runs).map(|speed| (0.05 * speed, 20.0 * speed));
-        let mut axes = vec![
-            axis(Part::Gain, 0.05 * (opening / command).max(start.gain.abs()), all),
-            axis(Part::Level, 0.05 * opening.max(command * start.gain.abs()), all),
-            axis(Part::Lag, 0.2, (LAG_RANGE.0 * length_s, LAG_RANGE.1 * length_s)),
-        ];
-        if with_limits {
-            axes.push(axis(Part::Delay, 0.02 * length_s, (0.0, MOST_DELAY * length_s)));
-            axes.push(axis(Part::Rising, 0.2, speeds[0]));
-            axes.push(axis(Part::Falling, 0.2, speeds[1]));
-        }
-        axes
-    }
-
-    /// Whether it turns anything from there.
-    fn acts(&self, base: &SetPoint) -> bool {
-        self.value(base).is_finite()
-    }
-
-    fn value(&self, law: &SetPoint) -> f64 {
-        match self.part {
-            Part::Gain => law.gain,
-            Part::Level => law.level,
-            Part::Lag => law.lag_s,
-            Part::Delay => law.delay_s,
-            Part::Rising => law.rising_limit,
-            Part::Falling => law.falling_limit,
-        }
-    }
-
-    fn is_logarithmic(&self) -> bool {
-        matches!(self.part, Part::Lag | Part::Rising | Part::Falling)
-    }
-}
-
-impl Coordinate for Axis {
-    type Subject = SetPoint;
-
-    fn range(&self, base: &SetPoint) -> (f64, f64) {
-        let value = self.value(base);
-        let place =
-            |end: f64| if self.is_logarithmic() { (end / value).ln() / self.step } else { (end - value) / self.step };
-        (place(self.range.0).min(0.0), place(self.range.1).max(0.0))
-    }
-
-    fn prior_centre(&self) -> Option<f64> {
-        None
-    }
-
-    fn turn(&self, base: &SetPoint, law: &mut SetPoint, position: f64) {
-        let by = self.step * position;
-        match self.part {
-            Part::Gain => {
-                law.gain = base.gain + by;
-                law.level -= by * self.middle;
-            }
-            Part::Level => law.level += by,
-            Part::Lag => law.lag_s = base.lag_s * by.exp(),
-            Part::Delay => law.delay_s = (base.delay_s + by).max(0.0),
-            Part::Rising => law.rising_limit = base.rising_limit * by.exp(),
-            Part::Falling => law.falling_limit = base.falling_limit * by.exp(),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const LOOP: SetPoint =
-        SetPoint { gain: 1.0, level: 0.02, delay_s: 0.12, lag_s: 0.35, rising_limit: 0.25, falling_limit: 0.18 };
+    const LOOP: SetPoint = SetPoint {
+        gain: 1.0,
+        level: 0.02,
+        delay_s: 0.12,
+        lag_s: 0.35,
+        rising_limit: 0.25,
+        falling_limit: 0.18,
+        half_play: 0.0,
+    };
 
     /// Free runs of a law under steps of its command, with a little noise.
     fn recorded(law: SetPoint, seed: u64) -> Vec<Run> {
@@ -344,7 +300,35 @@ mod tests {
         let found = SetPoint::fitted(&recorded(free, 2), true).unwrap();
         assert!(found.rising_limit.is_infinite() && found.falling_limit.is_infinite(), "{found:?}");
         assert!(found.delay_s < 0.03 && near(found.lag_s, 0.35, 0.05) && near(found.gain, 1.0, 0.005), "{found:?}");
+        assert!(found.half_play == 0.0, "{found:?}");
         let lag = SetPoint::fitted(&recorded(free, 3), false).unwrap();
         assert!(lag.delay_s == 0.0 && near(lag.lag_s, 0.35, 0.05) && near(lag.gain, 1.0, 0.005), "{lag:?}");
+    }
+
+    /// The same run in other units of command and position, and by another clock.
+    fn in_units(run: &Run, slower: f64, command: f64, position: f64) -> Run {
+        Run {
+            time_s: run.time_s.iter().map(|t| slower * t).collect(),
+            spool: run.spool.iter().map(|u| command * u - 3.0).collect(),
+            opening: run.opening.iter().map(|y| position * y + 20.0).collect(),
+        }
+    }
+
+    #[test]
+    fn play_is_found_where_it_is_in_any_unit_and_clock() {
+        for half_play in [0.01, 0.03] {
+            let runs = recorded(SetPoint { half_play, ..LOOP }, 5);
+            let first = SetPoint::fitted(&runs, true).unwrap();
+            // A run begins somewhere in the play, which nobody measured.
+            assert!((first.half_play / half_play - 1.0).abs() < 0.1, "{half_play}: {first:?}");
+            assert!((first.lag_s / 0.35 - 1.0).abs() < 0.15, "{half_play}: {first:?}");
+            for (slower, command, position) in [(10.0, -40.0, 0.02), (0.1, 0.03, -500.0)] {
+                let runs: Vec<Run> = runs.iter().map(|run| in_units(run, slower, command, position)).collect();
+                let found = SetPoint::fitted(&runs, true).unwrap();
+                let same = |found: f64, wanted: f64| (found / wanted - 1.0).abs() < 0.02;
+                assert!(same(found.half_play, first.half_play * position.abs()), "{first:?} {found:?}");
+                assert!(same(found.lag_s, first.lag_s * slower), "{first:?} {found:?}");
+            }
+        }
     }
 }
