@@ -193,7 +193,7 @@ fn what_stands_out_somewhere_is_no_sound_unit() {
     // The spool's transducer sits elsewhere for some seconds.
     let jumped = odd(|time_s, frame| {
         if (12.0..20.0).contains(&time_s) {
-            frame.measured.spool_position_pu += 0.01;
+            frame.measured.spool_position_pu += 0.02;
         }
     });
     assert_ne!(jumped.verdict, Verdict::NoGap, "{:?}", strongest(&jumped));

@@ -27,7 +27,7 @@ pub use crate::result::regret::Regret;
 pub use crate::result::remainder::{LargestError, Remainder};
 pub use crate::result::setup::Setup;
 pub use crate::result::sheet_limits::{HiddenEffect, SheetLimits, SheetValue};
-pub use crate::result::stage_figures::{ComparedModel, FreeRun, ModelParameter, StageFigure, StageOnly};
+pub use crate::result::stage_figures::{ComparedModel, ModelParameter, StageFigure, StageOnly};
 pub use crate::result::traces::Trace;
 
 /// The six things that a diagnosis may say.

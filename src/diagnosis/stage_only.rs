@@ -291,15 +291,15 @@ pub(crate) fn describe(
     // Figures of a law that was just refused would be believed.
     let refused = foreign.is_some() || compared.settles();
     let model = claimed.unwrap_or_else(|| found.refitted());
+    let plain = (ready.setup == Setup::StageFree).then(|| compared.plain_law(&model.ids().join(" + "))).flatten();
     StageOnly {
         sheet: ready.setup != Setup::StageFree,
         pieces: ready.recordings.len(),
         piece_s: seconds_from_nanos(length_ns),
-        figures: if refused { Vec::new() } else { stage_figures(model, &stage.law, &ready.recordings) },
+        figures: if refused { Vec::new() } else { stage_figures(model, &stage.law, ready, plain) },
         transducers_pu: stage.seen.transducers,
         foreign,
         free_run_s: compared.free_run_s,
-        free_runs: compared.free_runs,
         models: compared.models,
         plain_wins,
         driven_by: compared.drive.to_owned(),

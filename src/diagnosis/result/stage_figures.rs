@@ -3,24 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::result::interval::Interval;
-use govtwin_model::stored::{LastingText, figure, lasting};
-
-/// How well a model predicts free runs of a fixed length, each from its own measured start.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FreeRun {
-    /// The model, in words.
-    #[serde(rename = "effects")]
-    pub model: String,
-    /// The half of the recordings that it was fitted to.
-    #[serde(deserialize_with = "lasting")]
-    pub fitted_on: LastingText,
-    /// RMS error of the servomotor in the half that it was fitted to, pu.
-    #[serde(rename = "rmse_pu", deserialize_with = "figure")]
-    pub seen: f64,
-    /// The same in the other half.
-    #[serde(rename = "held_out_rmse_pu", deserialize_with = "figure")]
-    pub held_out: f64,
-}
+use govtwin_model::stored::{LastingText, ends, figure, lasting};
 
 /// A parameter of a plain model, in the units of the recordings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,8 +14,15 @@ pub struct ModelParameter {
     /// Its value, in the unit.
     #[serde(deserialize_with = "figure")]
     pub value: f64,
+    /// Its 90 % interval; not numbers where there is none, as of an older program.
+    #[serde(rename = "ci90", default = "unknown_ends", deserialize_with = "ends")]
+    pub ends: (f64, f64),
     /// Its unit, in words.
     pub unit: String,
+}
+
+fn unknown_ends() -> (f64, f64) {
+    (f64::NAN, f64::NAN)
 }
 
 /// A model in free runs over pieces that it was not fitted to: each half of the recordings is fitted in turn and the other predicted.
@@ -95,8 +85,6 @@ pub struct StageOnly {
     /// Length of a free run, s.
     #[serde(deserialize_with = "figure")]
     pub free_run_s: f64,
-    /// Free runs on the other half.
-    pub free_runs: Vec<FreeRun>,
     /// The models beside each other on the same held-out pieces; empty of an older program.
     #[serde(default)]
     pub models: Vec<ComparedModel>,

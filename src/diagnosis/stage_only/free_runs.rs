@@ -11,12 +11,15 @@ use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, twin_of};
 use crate::model::FittedModel;
 use crate::preparation::{Preparation, StageAlone};
-use crate::result::{ComparedModel, FreeRun, ModelParameter};
+use crate::result::{ComparedModel, ModelParameter};
 use crate::stage_alone::command::Deviation;
 use crate::stage_alone::pieces::{pieces, windows};
+use crate::stage_alone::plain::Plain;
 use crate::stage_alone::plain_models::{PlainKind, PlainModel};
+use crate::stage_alone::plain_numbers::PlainNumbers;
 use crate::stage_alone::run::Run;
 use crate::stage_alone::time_scale::free_run_s;
+use crate::stage_only::stage_figures::PlainLaw;
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
 use govtwin_model::signal::Signal;
@@ -24,12 +27,10 @@ use govtwin_model::twin::Cut;
 
 /// The twin's error over the plain model's from which on the plain one may win: by less, the twin is as good.
 const CLEARLY: f64 = 1.05;
-/// Standard errors of the differences between pieces by which it must.
+/// Standard errors of the differences between pieces, in logarithms, by which it must.
 const STANDARD_ERRORS: f64 = 2.0;
 /// Share of the squared error, of what a plain model of the same law closes, that named effects must close beside it.
 const NEARLY: f64 = 0.9;
-/// Names of the halves.
-const HALVES: [&str; 2] = ["first half", "second half"];
 
 /// The models in free runs.
 #[derive(Clone, Debug, Default)]
@@ -40,8 +41,8 @@ pub(crate) struct Compared {
     pub drive: &'static str,
     /// The models: twins first.
     pub models: Vec<ComparedModel>,
-    /// Their errors by half.
-    pub free_runs: Vec<FreeRun>,
+    /// The plain law in the numbers of the recordings, where it is driven by what drives the twin.
+    law: Option<(Plain, PlainNumbers)>,
 }
 
 /// Sum of squares, pu², and number of samples of each piece.
@@ -63,11 +64,11 @@ impl Compared {
         let Some(halves) = halves(&stage.whole, compared.free_run_s) else { return compared };
         for model in twins {
             let errors = [0, 1].map(|half| {
-                let problem = Problem::new(halves[half].clone(), &model.unit(), &ready.noise);
+                let problem = Problem::new(halves[1 - half].clone(), &model.unit(), &ready.noise);
                 let found =
                     fit(&problem, &model.base, &model.free_parameters, &model.fit.positions, Effort::FULL, None);
                 let unit = subject_at(&model.base, &model.free_parameters, &found.positions);
-                [half, 1 - half].map(|half| twin_squares(&halves[half], &unit, ready, deviation))
+                twin_squares(&halves[half], &unit, ready, deviation)
             });
             compared.add(model.ids().join(" + "), None, &errors);
         }
@@ -88,34 +89,40 @@ impl Compared {
                 };
                 runs[half].iter().map(of).collect()
             };
-            let errors = [[squares(&first, 0), squares(&first, 1)], [squares(&second, 1), squares(&second, 0)]];
-            let parameters =
-                whole.parameters(drive).into_iter().map(|(name, value, unit)| ModelParameter { name, value, unit });
-            compared.add(kind.title().to_owned(), Some(parameters.collect()), &errors);
+            let errors = [squares(&second, 0), squares(&first, 1)];
+            let numbers = PlainNumbers::of(whole, &both);
+            compared.add(kind.title().to_owned(), Some(parameters(&whole, numbers.as_ref(), drive)), &errors);
+            if let (PlainModel::Sum(PlainKind::PlainLaw, law), Some(numbers), None) = (whole, numbers, deviation) {
+                compared.law = Some((law, numbers));
+            }
         }
         compared
     }
 
-    /// Takes a model's squares: by the half that was fitted, those seen and those held out.
-    fn add(&mut self, name: String, plain: Option<Vec<ModelParameter>>, errors: &[[Squares; 2]; 2]) {
+    /// Takes a model's squares in the pieces of either half, held out by the fit to the other.
+    fn add(&mut self, name: String, plain: Option<Vec<ModelParameter>>, halves: &[Squares; 2]) {
         let rmse = |squares: &[(f64, usize)]| {
             let (sum, count) = squares.iter().fold((0.0, 0), |(sum, count), one| (sum + one.0, count + one.1));
             (sum / f64::max(count as f64, 1.0)).sqrt()
         };
-        for (half, [seen, held_out]) in errors.iter().enumerate() {
-            let (seen, held_out) = (rmse(seen), rmse(held_out));
-            self.free_runs.push(FreeRun { model: name.clone(), fitted_on: HALVES[half], seen, held_out });
-        }
-        // In the order of the recordings: the first half is held out by the fit to the second.
-        let held_out: Vec<(f64, usize)> = errors[1][1].iter().chain(&errors[0][1]).copied().collect();
+        let held_out = halves.concat();
         self.models.push(ComparedModel {
             model: name,
             is_plain: plain.is_some(),
             parameters: plain.unwrap_or_default(),
             held_out: rmse(&held_out),
-            halves: [rmse(&errors[1][1]), rmse(&errors[0][1])],
+            halves: halves.each_ref().map(|half| rmse(half)),
             pieces: held_out.iter().map(|one| rmse(std::slice::from_ref(one))).collect(),
         });
+    }
+
+    /// What the plain law says of the figures of a stage, and whether it or the twin with these effects predicts better.
+    pub(crate) fn plain_law(&self, effects: &str) -> Option<PlainLaw<'_>> {
+        let (law, numbers) = self.law.as_ref()?;
+        let of = |name: &str| self.models.iter().find(|model| model.model == name);
+        let (twin, plain) = of(effects).zip(of(PlainKind::PlainLaw.title()))?;
+        let is_better = if wins(plain, twin) { Some(true) } else { wins(twin, plain).then_some(false) };
+        Some(PlainLaw { law: *law, numbers, is_better })
     }
 
     /// The plain model that wins.
@@ -154,17 +161,30 @@ impl Compared {
     }
 }
 
-/// Whether a plain model predicts better than a twin, in both halves and beyond the spread between pieces.
-fn wins(plain: &ComparedModel, twin: &ComparedModel) -> bool {
-    if twin.pieces.len() != plain.pieces.len() {
+/// The parameters of a plain model, with their intervals.
+fn parameters(model: &PlainModel, numbers: Option<&PlainNumbers>, drive: &str) -> Vec<ModelParameter> {
+    let values = |model: &PlainModel| model.parameters(drive).into_iter().map(|(_, value, _)| value).collect();
+    let halves = numbers.map(|numbers| numbers.half_widths(values));
+    let of = |(k, (name, value, unit)): (usize, (&'static str, f64, String))| {
+        let half = halves.as_ref().map_or(f64::NAN, |halves| halves[k]);
+        ModelParameter { name, value, ends: (value - half, value + half), unit }
+    };
+    model.parameters(drive).into_iter().enumerate().map(of).collect()
+}
+
+/// Whether a model predicts better than another, in both halves and beyond the spread between pieces.
+fn wins(one: &ComparedModel, other: &ComparedModel) -> bool {
+    if other.pieces.len() != one.pieces.len() {
         return false;
     }
-    let differences: Vec<f64> = twin.pieces.iter().zip(&plain.pieces).map(|(twin, plain)| twin - plain).collect();
+    // Of logarithms, so that a piece in which everything errs more weighs no more.
+    let difference = |(other, one): (&f64, &f64)| (other.max(f64::MIN_POSITIVE) / one.max(f64::MIN_POSITIVE)).ln();
+    let differences: Vec<f64> = other.pieces.iter().zip(&one.pieces).map(difference).collect();
     let count = differences.len() as f64;
     let mean = differences.iter().sum::<f64>() / count;
     let variance = differences.iter().map(|one| (one - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    let in_both = (0..2).all(|half| plain.halves[half] < twin.halves[half]);
-    in_both && CLEARLY * plain.held_out < twin.held_out && mean > STANDARD_ERRORS * (variance / count).sqrt()
+    let in_both = (0..2).all(|half| one.halves[half] < other.halves[half]);
+    in_both && CLEARLY * one.held_out < other.held_out && mean > STANDARD_ERRORS * (variance / count).sqrt()
 }
 
 /// Free runs of the recordings, by half: of several recordings the first ones and the others; none where a half has none.

@@ -1,16 +1,22 @@
 //! What was fitted of a servomotor stage, told in the numbers of its recordings: zero and dead band of the spool, speed each way, lag.
 //!
 //! Zero and dead band are read off the fitted ports, speeds and lag off a step of the spool that the fitted twin answers. Intervals come from the
-//! covariance of the fit, by the slopes of each figure (the delta method: Casella & Berger 2002, *Statistical Inference*, section 5.5.4).
+//! covariance of the fit or, where that is wider, of the pieces, by the slopes of each figure (the delta method: Casella & Berger 2002, *Statistical
+//! Inference*, section 5.5.4), and from what the twin and the plain law differ by.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
+use crate::acceptance::statistics::student_90;
 use crate::estimation::coordinate::{Coordinate, subject_at};
-use crate::likelihood::prepared::PreparedRecording;
+use crate::estimation::linear::normal;
 use crate::likelihood::problem::twin_of;
 use crate::model::FittedModel;
-use crate::result::{Interval, StageFigure};
+use crate::preparation::Preparation;
+use crate::result::{Interval, Setup, StageFigure};
 use crate::stage_alone::plain::Plain;
+use crate::stage_alone::plain_models::PlainModel;
+use crate::stage_alone::plain_numbers::PlainNumbers;
+use crate::stage_alone::spread::{PieceSlopes, spread};
 use govtwin_model::effects;
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::parameters::Unit;
@@ -40,11 +46,32 @@ const FIGURES: [(&str, &str, &str); 7] = [
     ("lag_s", "lag behind the spool", "s"),
 ];
 
-/// The figures of a model; `recordings` tell how far the spool went.
+/// The plain law beside a twin, in the numbers of the recordings.
+pub(crate) struct PlainLaw<'a> {
+    /// The law.
+    pub law: Plain,
+    /// Its numbers.
+    pub numbers: &'a PlainNumbers,
+    /// Whether it predicts better than the twin, or worse; none where neither does clearly.
+    pub is_better: Option<bool>,
+}
+
+/// The figures of a model. `law` is the plain law in pu, by which a step is followed; `plain` the one beside the twin.
+///
+/// Where one of the two predicts clearly better, its figures are given, else the mean of both: what their laws differ by is part of the interval, as of
+/// two laws that are equally likely (Hoeting et al. 1999, *Bayesian Model Averaging: A Tutorial*).
 #[must_use]
-pub fn stage_figures(model: &FittedModel, law: &Plain, recordings: &[PreparedRecording]) -> Vec<StageFigure> {
-    let spools =
-        recordings.iter().flat_map(|recording| recording.measured(Signal::SpoolPosition)).filter(|pu| pu.is_finite());
+pub(crate) fn stage_figures(
+    model: &FittedModel,
+    law: &Plain,
+    ready: &Preparation,
+    plain: Option<PlainLaw<'_>>,
+) -> Vec<StageFigure> {
+    let spools = ready
+        .recordings
+        .iter()
+        .flat_map(|recording| recording.measured(Signal::SpoolPosition))
+        .filter(|pu| pu.is_finite());
     let (closing_pu, opening_pu) = spools.fold((0.0_f64, 0.0_f64), |(low, high), pu| (low.min(pu), high.max(pu)));
     let of = |unit: &Unit| figures(unit, law, [opening_pu, closing_pu]);
     let best = of(&model.unit());
@@ -63,12 +90,69 @@ pub fn stage_figures(model: &FittedModel, law: &Plain, recordings: &[PreparedRec
             slopes[k] = if slope.is_finite() { slope } else { 0.0 };
         }
     }
-    let each = FIGURES.iter().zip(&best).zip(&slopes).filter(|((_, value), _)| value.is_finite());
-    each.map(|((&(id, title, unit), &value), slopes)| {
-        let deviation = NORMAL_90 * slopes.dot(&(&model.spread * slopes)).max(0.0).sqrt();
-        StageFigure { id, title, unit, value: Interval { value, low: value - deviation, high: value + deviation } }
+    let between = if ready.setup != Setup::StageFree { None } else { between_pieces(model) };
+    let half = |slopes: &DVector<f64>| {
+        let sd = |spread: &DMatrix<f64>| slopes.dot(&(spread * slopes)).max(0.0).sqrt();
+        let fitted = NORMAL_90 * sd(&model.spread);
+        between.as_ref().map_or(fitted, |(spread, wide)| fitted.max(wide * sd(spread)))
+    };
+    let mut all: Vec<[f64; 2]> = best.into_iter().zip(&slopes).map(|(value, slopes)| [value, half(slopes)]).collect();
+    if let Some(plain) = plain.filter(|plain| plain.is_better != Some(false)) {
+        let ends = [opening_pu, closing_pu].map(|pu| model.unit().recorded.spool_position.recorded(pu));
+        let values = figures_of(&plain.law, ends);
+        let of = |model: &PlainModel| match model {
+            PlainModel::Sum(_, law) => figures_of(law, ends).to_vec(),
+            PlainModel::SetPoint(..) => vec![f64::NAN; FIGURES.len()],
+        };
+        for ((one, value), half) in all.iter_mut().zip(values).zip(plain.numbers.half_widths(of)) {
+            let other = [value, half];
+            *one = if plain.is_better == Some(true) { other } else { mixed(*one, other) };
+        }
+    }
+    let each = FIGURES.iter().zip(all).filter(|(_, [value, _])| value.is_finite());
+    each.map(|(&(id, title, unit), [value, half])| StageFigure {
+        id,
+        title,
+        unit,
+        value: Interval { value, low: value - half, high: value + half },
     })
     .collect()
+}
+
+/// Value and half-width of an interval of two that are equally likely.
+fn mixed(one: [f64; 2], other: [f64; 2]) -> [f64; 2] {
+    if !other[0].is_finite() {
+        return one;
+    }
+    let apart = NORMAL_90 * 0.5 * (one[0] - other[0]);
+    let square = 0.5 * (one[1] * one[1] + other[1] * other[1]) + apart * apart;
+    [0.5 * (one[0] + other[0]), square.sqrt()]
+}
+
+/// Covariance of a model's free parameters from piece to piece, and how many deviations hold nine in ten; none without slopes.
+fn between_pieces(model: &FittedModel) -> Option<(DMatrix<f64>, f64)> {
+    let fit = &model.fit;
+    let (hessian, _) = normal(&model.free_parameters, &fit.positions, &fit.residuals, &fit.slopes, 1.0);
+    let pieces: Vec<PieceSlopes> = fit
+        .slopes
+        .iter()
+        .zip(&fit.residuals)
+        .map(|(slopes, residuals)| PieceSlopes { slopes: slopes.clone(), residuals: residuals.clone() })
+        .collect();
+    Some((spread(&hessian, &pieces)?, student_90(pieces.len() as f64 - 1.0)))
+}
+
+/// The figures of a plain law at the farthest positions of the spool, all as recorded.
+fn figures_of(law: &Plain, ends: [f64; 2]) -> [f64; FIGURES.len()] {
+    let speed = |spool: f64| {
+        let above = (spool - law.zero - law.half_band).max(0.0);
+        let below = (spool - law.zero + law.half_band).min(0.0);
+        law.above_1_s * above + law.below_1_s * below
+    };
+    let edge = |end: f64| if end > law.zero { law.zero + law.half_band } else { law.zero - law.half_band };
+    let [one, other] = ends.map(|end| (speed(end), edge(end)));
+    let (rising, falling) = if one.0 >= other.0 { (one, other) } else { (other, one) };
+    [law.zero, 2.0 * law.half_band, falling.1, rising.1, rising.0, falling.0, law.lag.time_s()]
 }
 
 /// The figures of a unit, as recorded; what does not exist is not a number.
@@ -128,4 +212,39 @@ fn step(unit: &Unit, law: &Plain, spool_pu: f64) -> Option<[f64; 2]> {
     let (half_s, half) = moved.iter().copied().find(|(_, by)| by.abs() >= 0.5 * end.abs())?;
     let speed_pu_s = (end - half) / (end_s - half_s);
     (speed_pu_s.is_finite() && speed_pu_s != 0.0).then(|| [speed_pu_s, (end_s - end / speed_pu_s).max(0.0)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage_alone::run::Lag;
+
+    #[test]
+    fn a_plain_law_has_its_figures_whichever_way_it_runs() {
+        let law = |gain: f64| Plain {
+            lag: Lag::Dead(0.2),
+            zero: 5.0,
+            half_band: 1.0,
+            above_1_s: gain,
+            below_1_s: 2.0 * gain,
+        };
+        let wanted = [5.0, 2.0, 4.0, 6.0, 0.3, -0.6, 0.2];
+        let found = figures_of(&law(0.1), [9.0, 1.0]);
+        assert!(found.iter().zip(wanted).all(|(found, wanted)| (found - wanted).abs() < 1e-12), "{found:?}");
+        // What opens falls as recorded: it rises below the zero.
+        let [_, _, falls_from, rises_from, rising, falling, _] = figures_of(&law(-0.1), [1.0, 9.0]);
+        assert_eq!([falls_from, rises_from], [6.0, 4.0]);
+        assert!((rising - 0.6).abs() < 1e-12 && (falling + 0.3).abs() < 1e-12, "{rising} {falling}");
+    }
+
+    #[test]
+    fn two_laws_that_differ_widen_the_interval_by_that() {
+        assert_eq!(mixed([2.0, 0.1], [2.0, 0.1]), [2.0, 0.1]);
+        let [value, half] = mixed([2.0, 0.1], [2.4, 0.1]);
+        assert!(
+            (value - 2.2).abs() < 1e-12 && half > NORMAL_90 * 0.2 && half < NORMAL_90 * 0.2 + 0.1,
+            "{value} {half}"
+        );
+        assert_eq!(mixed([2.0, 0.1], [f64::NAN, 0.1]), [2.0, 0.1]);
+    }
 }

@@ -1,6 +1,6 @@
 //! What was fitted of a servomotor stage alone, and what plain models make of it, in words.
 
-use govtwin_diagnosis::result::{ComparedModel, Diagnosis, Interval, StageFigure, StageOnly};
+use govtwin_diagnosis::result::{ComparedModel, Diagnosis, Interval, ModelParameter, StageFigure, StageOnly};
 use govtwin_diagnosis::words::id_words;
 use govtwin_model::number::significant;
 
@@ -49,9 +49,13 @@ fn settling(part: &StageOnly, model: &ComparedModel) -> Option<String> {
         .into_iter()
         .filter_map(|(verb, limit)| Some(format!("{verb} by at most {} per second", number(limit?))))
         .collect();
+    let play = of("backlash or dead band, full width").map_or_else(String::new, |width| {
+        let [half, width] = [0.5 * width, width].map(number);
+        format!("; it stops {half} short of that from either side, by backlash or a dead band of {width}")
+    });
     let limits = if limits.is_empty() { String::new() } else { format!("; it {}", limits.join(" and ")) };
     Some(format!(
-        "{subject} follows {} × {} {sign} {} with {delay}a lag of {} s{limits} (units of the recordings).",
+        "{subject} follows {} × {} {sign} {} with {delay}a lag of {} s{limits}{play} (units of the recordings).",
         number(gain),
         part.driven_by,
         number(level.abs()),
@@ -70,6 +74,10 @@ pub fn model_title(model: &ComparedModel) -> String {
 
 /// The parameters of a plain model.
 pub fn parameter_text(model: &ComparedModel) -> String {
-    let all = model.parameters.iter().map(|one| format!("{} {} {}", one.name, significant(one.value, 3), one.unit));
-    all.collect::<Vec<_>>().join("; ")
+    let of = |one: &ModelParameter| {
+        let [value, low, high] = [one.value, one.ends.0, one.ends.1].map(|value| significant(value, 3));
+        let ends = if one.ends.0.is_finite() { format!(" [{low}, {high}]") } else { String::new() };
+        format!("{} {value}{ends} {}", one.name, one.unit)
+    };
+    model.parameters.iter().map(of).collect::<Vec<_>>().join("; ")
 }

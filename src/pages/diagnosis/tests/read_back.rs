@@ -5,8 +5,8 @@ use govtwin_diagnosis::model::consistency::Consistency;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::test_script::{CommandShape, TestScript};
 use govtwin_diagnosis::result::{
-    ComparedModel, FreeRun, HiddenEffect, ModelParameter, NEXT_TEST, Setup, SheetLimits, SheetValue, StageFigure,
-    StageOnly, Transfer, Verdict,
+    ComparedModel, Diagnosis, HiddenEffect, ModelParameter, NEXT_TEST, Setup, SheetLimits, SheetValue, StageFigure, StageOnly,
+    Transfer, Verdict,
 };
 use govtwin_model::signal::Signal;
 
@@ -36,11 +36,10 @@ fn a_report_reads_back_as_it_was_written_and_makes_the_same_page() {
             transducers_pu: 1e-3,
             foreign: None,
             free_run_s: 10.0,
-            free_runs: vec![FreeRun { model: "plain".into(), fitted_on: "first", seen: 1e-3, held_out: f64::NAN }],
             models: vec![ComparedModel {
                 model: "set point with lag".into(),
                 is_plain: true,
-                parameters: vec![ModelParameter { name: "lag", value: 0.35, unit: "s".into() }],
+                parameters: vec![ModelParameter { name: "lag", value: 0.35, ends: (0.3, f64::NAN), unit: "s".into() }],
                 held_out: 1e-3,
                 halves: [1e-3, 2e-3],
                 pieces: vec![1e-3, 2e-3],
@@ -55,5 +54,14 @@ fn a_report_reads_back_as_it_was_written_and_makes_the_same_page() {
         let read = DiagnosisReport::read(&json.to_string()).unwrap();
         assert_eq!(read.json(), json);
         assert_eq!(html_of(&read.into(), &synthetic()), html_of(&diagnosis, &synthetic()));
+        // One of an older program has the errors of free runs twice, and no intervals of plain models.
+        let mut older = json;
+        let stage = &mut older["evidence"]["servomotor_stage_only"];
+        stage["free_runs"] = serde_json::json!([{ "effects": "", "fitted_on": "first half", "rmse_pu": 1e-3, "held_out_rmse_pu": 2e-3 }]);
+        stage["models"][0]["parameters"][0].as_object_mut().unwrap().remove("ci90").unwrap();
+        let read: Diagnosis = DiagnosisReport::read(&older.to_string()).unwrap().into();
+        let parameter = &read.part.as_ref().unwrap().models[0].parameters[0];
+        assert!(parameter.value == 0.35 && parameter.ends.0.is_nan(), "{parameter:?}");
+        assert!(html_of(&read, &synthetic()).contains("lag 0.350 s"), "no interval is made up");
     }
 }
