@@ -3,18 +3,18 @@
 
 #[path = "support/plain_stage.rs"]
 mod plain_stage;
+#[path = "support/position_loop.rs"]
+mod position_loop;
 #[path = "support/stage.rs"]
 mod stage;
 
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::{ComparedModel, Diagnosis, Verdict};
-use govtwin_model::frame::Signals;
 use govtwin_model::provenance::Provenance;
 use govtwin_model::recording::Recording;
 use govtwin_pages::diagnosis as report;
 use plain_stage::{PlainStage, govtwin, in_units, near};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use position_loop::Loop;
 use stage::{Spool, freely};
 use std::path::Path;
 
@@ -27,6 +27,9 @@ const PLAIN: [&str; 6] = [
     "first-order lag",
     "set point with lag",
 ];
+
+/// What the play of a loop is called.
+const PLAY: &str = "backlash or dead band, full width";
 
 fn models(said: &Diagnosis) -> &[ComparedModel] {
     &said.part.as_ref().unwrap().models
@@ -50,48 +53,6 @@ fn shown(said: &Diagnosis) -> String {
     let blamed: Vec<&str> = said.blamed.iter().map(|one| one.id.as_str()).collect();
     let won = said.part.as_ref().and_then(|part| part.plain_wins.clone());
     format!("{:?} {blamed:?} {won:?}\n{}\n{:?}", said.verdict, all.collect::<Vec<_>>().join("\n"), said.notes)
-}
-
-/// A position loop that knows nothing of a servomotor: a gain, a delay, a lag and a rate limit each way, under steps.
-struct Loop {
-    gain: f64,
-    delay_s: f64,
-    lag_s: f64,
-    limits_s: [f64; 2],
-    /// All times over those of one second.
-    slower: f64,
-}
-
-impl Loop {
-    const USUAL: Self = Self { gain: 1.0, delay_s: 0.15, lag_s: 0.3, limits_s: [0.30, 0.22], slower: 1.0 };
-
-    fn record(&self, seed: u64) -> Recording {
-        const STEPS: usize = 10;
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        // Of a stage only the times and the shape of a row are taken.
-        let mut recording = PlainStage::USUAL.record(&Spool::usual(seed), 20.0, 2400);
-        let step_s = 0.05 / STEPS as f64;
-        let late = (self.delay_s / step_s).round() as usize;
-        let (mut asked, mut at, mut until) = (vec![0.5; late + 1], 0.5, 0);
-        for (row, frame) in recording.frames.iter_mut().enumerate() {
-            if row >= until {
-                let last = asked.len() - 1;
-                asked[last] = random.random_range(0.15..0.85);
-                until = row + random.random_range(20..100);
-            }
-            let now = *asked.last().unwrap();
-            frame.inputs.opening_command_pu = now;
-            frame.time_ns = (frame.time_ns as f64 * self.slower) as i64;
-            let noise: f64 = (0..12).map(|_| random.random_range(-0.5..0.5)).sum();
-            frame.measured = Signals { servomotor_position_pu: at + 3e-4 * noise, ..Signals::NONE };
-            for _ in 0..STEPS {
-                let wanted = (self.gain * asked[asked.len() - 1 - late] - at) / self.lag_s;
-                at += step_s * wanted.clamp(-self.limits_s[1], self.limits_s[0]);
-                asked.push(now);
-            }
-        }
-        recording
-    }
 }
 
 #[test]
@@ -127,14 +88,14 @@ fn stage_models_stand_beside_the_twin_in_the_file_the_text_and_the_page() {
 #[test]
 fn stage_loops_are_told_as_set_points_with_delay_lag_and_limits_at_any_speed() {
     for (slower, seed) in [(1.0, 51), (0.1, 52), (10.0, 53)] {
-        let said = freely(vec![Loop { slower, ..Loop::USUAL }.record(seed)]);
+        let said = freely(vec![Loop { slower, ..Loop::USUAL }.record(seed, 2400)]);
         println!("{slower}: {}", shown(&said));
         let of = |name| told(&said, "set point with lag", name);
         assert!(near(of("gain"), 1.0, 0.01) && of("level").abs() < 0.01, "{}", shown(&said));
-        // A command that steps between two rows is taken for a straight line from one to the other: half a row later.
-        assert!(near(of("delay"), 0.175 * slower, 0.2) && near(of("lag"), 0.3 * slower, 0.15), "{}", shown(&said));
+        assert!(near(of("delay"), 0.15 * slower, 0.2) && near(of("lag"), 0.3 * slower, 0.15), "{}", shown(&said));
         assert!(near(of("rate limit, rising"), 0.30 / slower, 0.06), "{}", shown(&said));
         assert!(near(of("rate limit, falling"), 0.22 / slower, 0.06), "{}", shown(&said));
+        assert!(parameter(model(&said, "set point with lag"), PLAY).is_none(), "{}", shown(&said));
         // Nothing of a servomotor is named where a set point says it all.
         assert_eq!(said.part.as_ref().unwrap().plain_wins.as_deref(), Some("set point with lag"), "{}", shown(&said));
         assert!(said.blamed.is_empty(), "{}", shown(&said));
@@ -152,6 +113,26 @@ fn stage_loops_are_told_as_set_points_with_delay_lag_and_limits_at_any_speed() {
         let note = said.notes.iter().find(|note| note.contains("the deviation")).unwrap();
         assert!(note.contains("0.99") || note.contains("1.00"), "{note}");
     }
+}
+
+#[test]
+fn stage_loops_with_backlash_are_told_its_width_with_an_interval() {
+    let said = freely(vec![Loop { half_play: 0.02, ..Loop::USUAL }.record(55, 2000)]);
+    println!("{}", shown(&said));
+    let model = model(&said, "set point with lag");
+    let play = model.parameters.iter().find(|one| one.name == PLAY).unwrap_or_else(|| panic!("{}", shown(&said)));
+    assert!(near(play.value, 0.04, 0.15), "{play:?}");
+    assert!(play.ends.0 < play.value && play.value < play.ends.1 && play.ends.1 - play.ends.0 < 0.02, "{play:?}");
+    assert_eq!(said.part.as_ref().unwrap().plain_wins.as_deref(), Some("set point with lag"), "{}", shown(&said));
+    assert!(said.blamed.is_empty(), "{}", shown(&said));
+    let text = report::summary(&said, 120).replace('\n', " ");
+    assert!(text.contains("short of that from either side, by backlash or a dead band of 0.0"), "{text}");
+    let json = DiagnosisReport::of(&said, 0.0).json();
+    let part = &json["evidence"]["servomotor_stage_only"];
+    assert!(part.get("free_runs").is_none(), "the models say it");
+    let rows = part["models"].as_array().unwrap();
+    let told = rows.iter().find(|row| row["model"] == "set point with lag").unwrap();
+    assert!(told["parameters"].as_array().unwrap().iter().all(|one| one["ci90"].is_array()), "{told}");
 }
 
 /// The same recording whose clock runs so many times as slow, in other units; a command goes with the spool.
@@ -179,8 +160,10 @@ fn crane() -> Option<Recording> {
 
 #[test]
 fn stage_models_are_the_same_in_any_unit_sign_and_clock() {
-    let mut recordings =
-        vec![("stage", PlainStage::USUAL.record(&Spool::usual(42), 20.0, 1200)), ("loop", Loop::USUAL.record(54))];
+    let mut recordings = vec![
+        ("stage", PlainStage::USUAL.record(&Spool::usual(42), 20.0, 1200)),
+        ("loop", Loop::USUAL.record(54, 2400)),
+    ];
     recordings.extend(crane().map(|crane| ("crane", crane)));
     for (name, recording) in recordings {
         let plain = freely(vec![recording.clone()]);
