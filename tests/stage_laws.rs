@@ -4,10 +4,13 @@
 //! of the best plain model, both on the same held-out pieces.
 #![cfg(feature = "cli")]
 
+#[expect(dead_code, reason = "several tests share it")]
 #[path = "support/plain_stage.rs"]
 mod plain_stage;
+#[expect(dead_code, reason = "several tests share it")]
 #[path = "support/position_loop.rs"]
 mod position_loop;
+#[expect(dead_code, reason = "several tests share it")]
 #[path = "support/stage.rs"]
 mod stage;
 

@@ -12,7 +12,7 @@ use crate::preparation::{Preparation, StageAlone};
 use crate::result::{Setup, StageOnly, Verdict};
 use crate::stage_alone::competing_laws::Follows;
 use crate::stage_only::free_runs::Compared;
-use crate::stage_only::stage_figures::stage_figures;
+use crate::stage_only::stage_figures::{sheetless_figures, stage_figures};
 use crate::summary::explained_fraction::without_recordings;
 use govtwin_model::effects::id_words;
 use govtwin_model::frame::Estimate;
@@ -291,12 +291,18 @@ pub(crate) fn describe(
     // Figures of a law that was just refused would be believed.
     let refused = foreign.is_some() || compared.settles();
     let model = claimed.unwrap_or_else(|| found.refitted());
-    let plain = (ready.setup == Setup::StageFree).then(|| compared.plain_law(&model.ids().join(" + "))).flatten();
+    let figures = || {
+        if ready.setup != Setup::StageFree {
+            return stage_figures(model, &stage.law, &ready.recordings);
+        }
+        sheetless_figures(model, &stage.law, &ready.recordings, compared.plain_law(&model.ids().join(" + ")))
+    };
+    let figures = if refused { Vec::new() } else { figures() };
     StageOnly {
         sheet: ready.setup != Setup::StageFree,
         pieces: ready.recordings.len(),
         piece_s: seconds_from_nanos(length_ns),
-        figures: if refused { Vec::new() } else { stage_figures(model, &stage.law, ready, plain) },
+        figures,
         transducers_pu: stage.seen.transducers,
         foreign,
         free_run_s: compared.free_run_s,

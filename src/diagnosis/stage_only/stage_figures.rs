@@ -9,10 +9,10 @@ use nalgebra::{DMatrix, DVector};
 use crate::acceptance::statistics::student_90;
 use crate::estimation::coordinate::{Coordinate, subject_at};
 use crate::estimation::linear::normal;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::twin_of;
 use crate::model::FittedModel;
-use crate::preparation::Preparation;
-use crate::result::{Interval, Setup, StageFigure};
+use crate::result::{Interval, StageFigure};
 use crate::stage_alone::plain::Plain;
 use crate::stage_alone::plain_models::PlainModel;
 use crate::stage_alone::plain_numbers::PlainNumbers;
@@ -56,24 +56,67 @@ pub(crate) struct PlainLaw<'a> {
     pub is_better: Option<bool>,
 }
 
-/// The figures of a model. `law` is the plain law in pu, by which a step is followed; `plain` the one beside the twin.
+/// The figures of a model; `recordings` tell how far the spool went.
+#[must_use]
+pub fn stage_figures(model: &FittedModel, law: &Plain, recordings: &[PreparedRecording]) -> Vec<StageFigure> {
+    told(fitted(model, law, recordings, None))
+}
+
+/// The same where no data sheet is known, beside the plain law in the numbers of the recordings.
 ///
 /// Where one of the two predicts clearly better, its figures are given, else the mean of both: what their laws differ by is part of the interval, as of
 /// two laws that are equally likely (Hoeting et al. 1999, *Bayesian Model Averaging: A Tutorial*).
 #[must_use]
-pub(crate) fn stage_figures(
+pub(crate) fn sheetless_figures(
     model: &FittedModel,
     law: &Plain,
-    ready: &Preparation,
+    recordings: &[PreparedRecording],
     plain: Option<PlainLaw<'_>>,
 ) -> Vec<StageFigure> {
-    let spools = ready
-        .recordings
-        .iter()
-        .flat_map(|recording| recording.measured(Signal::SpoolPosition))
-        .filter(|pu| pu.is_finite());
+    let mut all = fitted(model, law, recordings, between_pieces(model));
+    let Some(plain) = plain.filter(|plain| plain.is_better != Some(false)) else { return told(all) };
+    let ends = farthest(recordings).map(|pu| model.unit().recorded.spool_position.recorded(pu));
+    let values = figures_of(&plain.law, ends);
+    let of = |model: &PlainModel| match model {
+        PlainModel::Sum(_, law) => figures_of(law, ends).to_vec(),
+        PlainModel::SetPoint(..) => vec![f64::NAN; FIGURES.len()],
+    };
+    for ((one, value), half) in all.iter_mut().zip(values).zip(plain.numbers.half_widths(of)) {
+        let other = [value, half];
+        *one = if plain.is_better == Some(true) { other } else { mixed(*one, other) };
+    }
+    told(all)
+}
+
+/// The farthest positions of the spool, opening and closing, pu.
+fn farthest(recordings: &[PreparedRecording]) -> [f64; 2] {
+    let spools =
+        recordings.iter().flat_map(|recording| recording.measured(Signal::SpoolPosition)).filter(|pu| pu.is_finite());
     let (closing_pu, opening_pu) = spools.fold((0.0_f64, 0.0_f64), |(low, high), pu| (low.min(pu), high.max(pu)));
-    let of = |unit: &Unit| figures(unit, law, [opening_pu, closing_pu]);
+    [opening_pu, closing_pu]
+}
+
+/// Value and half-width of each figure, in words.
+fn told(all: Vec<[f64; 2]>) -> Vec<StageFigure> {
+    let each = FIGURES.iter().zip(all).filter(|(_, [value, _])| value.is_finite());
+    each.map(|(&(id, title, unit), [value, half])| StageFigure {
+        id,
+        title,
+        unit,
+        value: Interval { value, low: value - half, high: value + half },
+    })
+    .collect()
+}
+
+/// Value and half-width of each figure by a fit, and by how it differs `between` pieces where that is wider.
+fn fitted(
+    model: &FittedModel,
+    law: &Plain,
+    recordings: &[PreparedRecording],
+    between: Option<(DMatrix<f64>, f64)>,
+) -> Vec<[f64; 2]> {
+    let ends = farthest(recordings);
+    let of = |unit: &Unit| figures(unit, law, ends);
     let best = of(&model.unit());
     let mut slopes = vec![DVector::zeros(model.free_parameters.len()); best.len()];
     for (k, free_parameter) in model.free_parameters.iter().enumerate() {
@@ -90,33 +133,12 @@ pub(crate) fn stage_figures(
             slopes[k] = if slope.is_finite() { slope } else { 0.0 };
         }
     }
-    let between = if ready.setup != Setup::StageFree { None } else { between_pieces(model) };
     let half = |slopes: &DVector<f64>| {
         let sd = |spread: &DMatrix<f64>| slopes.dot(&(spread * slopes)).max(0.0).sqrt();
-        let fitted = NORMAL_90 * sd(&model.spread);
-        between.as_ref().map_or(fitted, |(spread, wide)| fitted.max(wide * sd(spread)))
+        let by_fit = NORMAL_90 * sd(&model.spread);
+        between.as_ref().map_or(by_fit, |(spread, wide)| by_fit.max(wide * sd(spread)))
     };
-    let mut all: Vec<[f64; 2]> = best.into_iter().zip(&slopes).map(|(value, slopes)| [value, half(slopes)]).collect();
-    if let Some(plain) = plain.filter(|plain| plain.is_better != Some(false)) {
-        let ends = [opening_pu, closing_pu].map(|pu| model.unit().recorded.spool_position.recorded(pu));
-        let values = figures_of(&plain.law, ends);
-        let of = |model: &PlainModel| match model {
-            PlainModel::Sum(_, law) => figures_of(law, ends).to_vec(),
-            PlainModel::SetPoint(..) => vec![f64::NAN; FIGURES.len()],
-        };
-        for ((one, value), half) in all.iter_mut().zip(values).zip(plain.numbers.half_widths(of)) {
-            let other = [value, half];
-            *one = if plain.is_better == Some(true) { other } else { mixed(*one, other) };
-        }
-    }
-    let each = FIGURES.iter().zip(all).filter(|(_, [value, _])| value.is_finite());
-    each.map(|(&(id, title, unit), [value, half])| StageFigure {
-        id,
-        title,
-        unit,
-        value: Interval { value, low: value - half, high: value + half },
-    })
-    .collect()
+    best.into_iter().zip(&slopes).map(|(value, slopes)| [value, half(slopes)]).collect()
 }
 
 /// Value and half-width of an interval of two that are equally likely.
