@@ -5,8 +5,8 @@ use govtwin_diagnosis::model::consistency::Consistency;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::test_script::{CommandShape, TestScript};
 use govtwin_diagnosis::result::{
-    ComparedModel, Diagnosis, HiddenEffect, ModelParameter, NEXT_TEST, Setup, SheetLimits, SheetValue, StageFigure, StageOnly,
-    Transfer, Verdict,
+    ComparedModel, Diagnosis, HiddenEffect, ModelParameter, NEXT_TEST, Setup, SheetLimits, SheetValue, StageFigure,
+    StageOnly, Transfer, Verdict,
 };
 use govtwin_model::signal::Signal;
 
