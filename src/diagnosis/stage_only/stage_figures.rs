@@ -73,7 +73,7 @@ pub(crate) fn sheetless_figures(
     recordings: &[PreparedRecording],
     plain: Option<PlainLaw<'_>>,
 ) -> Vec<StageFigure> {
-    let mut all = fitted(model, law, recordings, between_pieces(model));
+    let mut all = fitted(model, law, recordings, between_pieces(model).as_ref());
     let Some(plain) = plain.filter(|plain| plain.is_better != Some(false)) else { return told(all) };
     let ends = farthest(recordings).map(|pu| model.unit().recorded.spool_position.recorded(pu));
     let values = figures_of(&plain.law, ends);
@@ -113,7 +113,7 @@ fn fitted(
     model: &FittedModel,
     law: &Plain,
     recordings: &[PreparedRecording],
-    between: Option<(DMatrix<f64>, f64)>,
+    between: Option<&(DMatrix<f64>, f64)>,
 ) -> Vec<[f64; 2]> {
     let ends = farthest(recordings);
     let of = |unit: &Unit| figures(unit, law, ends);
@@ -136,7 +136,7 @@ fn fitted(
     let half = |slopes: &DVector<f64>| {
         let sd = |spread: &DMatrix<f64>| slopes.dot(&(spread * slopes)).max(0.0).sqrt();
         let by_fit = NORMAL_90 * sd(&model.spread);
-        between.as_ref().map_or(by_fit, |(spread, wide)| by_fit.max(wide * sd(spread)))
+        between.map_or(by_fit, |(spread, wide)| by_fit.max(wide * sd(spread)))
     };
     best.into_iter().zip(&slopes).map(|(value, slopes)| [value, half(slopes)]).collect()
 }
