@@ -10,6 +10,8 @@ mod bounds;
 mod compressed;
 #[path = "bag/damage.rs"]
 mod damage;
+#[path = "bag/defects.rs"]
+mod defects;
 #[path = "bag/definitions.rs"]
 mod definitions;
 #[path = "bag/errors.rs"]
@@ -44,5 +46,8 @@ mod sqlite;
 #[cfg(feature = "cli")]
 #[path = "bag/told.rs"]
 mod told;
+#[cfg(feature = "cli")]
+#[path = "bag/untrue.rs"]
+mod untrue;
 #[path = "bag/write.rs"]
 mod write;

@@ -15,6 +15,8 @@ use govtwin_model::units::seconds_from_nanos;
 pub(crate) use impossible::Impossible;
 use watches::{HeldWatch, Relation};
 
+use super::qualification::OTHER_CLOCK_S;
+
 /// Speeds are taken over so much time, s: noise of two samples is small then.
 const SPEED_OVER_S: f64 = 0.1;
 /// Over a longer pause nothing is told.
@@ -26,11 +28,14 @@ const AWAY_PU: f64 = 0.05;
 const AWAY_RATIO: f64 = 0.6;
 /// A command that moves faster is followed with a delay that shows, pu/s.
 const MOVES_PU_S: f64 = 0.02;
-/// A position nearer than this to a moving command is the command, pu.
-const COPY_PU: f64 = 5e-4;
+/// Steps smaller than this may be noise, pu.
+const NOISE_PU: f64 = 5e-4;
 /// The share of samples, and the least number of them, that make a copy.
 const COPY_SHARE: f64 = 0.95;
 const COPY_SAMPLES: u64 = 20;
+/// Half the mean squared step of noise is its mean square, give or take one over the root of the number of samples; of what lasts it is next to nothing.
+/// What is left between a moving command and its copy is noise, what a servomotor lags by lasts, and its speed does.
+const LASTS: f64 = 0.5;
 /// A position within this band stands still, pu.
 const STILL_PU: f64 = 0.004;
 /// At rest so far from its command, pu, for so long, s.
@@ -44,9 +49,10 @@ const STANDS_S: f64 = 20.0;
 /// Three samples in one direction faster than this, pu/s, over so much of the stroke, pu, are none of a servomotor.
 const FASTEST_PU_S: f64 = 2.0;
 const FAST_PU: f64 = 0.05;
-/// Pairs of speed and spool that tell a relation, and the least correlation of the two; signals that move less tell none, pu.
+/// Pairs of speed and spool that tell a relation, where the speed is more than noise, and the least correlation of the two: one explains a third of the
+/// other, also at one sample a second. A position that moves less tells none, pu.
 const PAIRS: f64 = 50.0;
-const UNRELATED: f64 = 0.25;
+const UNRELATED: f64 = 0.577;
 const TURNED: f64 = -0.4;
 const MOVED_PU: f64 = 0.05;
 /// A recording of so many samples in which the servomotor moves lasts longer, s.
@@ -92,13 +98,18 @@ pub(crate) struct ChainEvidence {
     speed: f64,
     towards: f64,
     away: f64,
-    near: u64,
+    /// Sums of squares of the distance to the command and of the servomotor's speed: the root of their ratio is the time between the two, s.
+    distances: f64,
+    speeds: f64,
     moving: u64,
+    near: u64,
+    last_error: Option<f64>,
+    error_squares: f64,
+    error_steps: f64,
     equal: u64,
     all: u64,
     command_ends: Option<[f64; 2]>,
     servo_ends: Option<[f64; 2]>,
-    spool_ends: Option<[f64; 2]>,
     first_ns: Option<i64>,
     trip: Option<(i64, f64)>,
     opens: Option<Impossible>,
@@ -134,7 +145,6 @@ impl ChainEvidence {
         let normal = frame.inputs.esv == EsvState::Normal;
         if spool.is_finite() {
             self.held[1].take(time_ns, spool);
-            self.spool_ends = wider(self.spool_ends, spool);
         }
         if !servo.is_finite() {
             return;
@@ -156,7 +166,7 @@ impl ChainEvidence {
         if let Some((last_ns, _, last)) = self.last {
             let step_s = seconds_from_nanos(time_ns.saturating_sub(last_ns));
             let step = servo - last;
-            let fast = step_s > 0.0 && step.abs() > FASTEST_PU_S * step_s && step.abs() > COPY_PU;
+            let fast = step_s > 0.0 && step.abs() > FASTEST_PU_S * step_s && step.abs() > NOISE_PU;
             let (count, run) = self.fast;
             self.fast = match (fast, run * step >= 0.0) {
                 (true, true) => (count + 1, run + step),
@@ -188,6 +198,8 @@ impl ChainEvidence {
         let asks = from.error.abs() > ASKS_PU && from.error.is_finite();
         // Noise goes to and fro where a stop holds the servomotor.
         if from.normal && normal && asks && !is_pressed(from.position, from.position + from.error) {
+            self.distances += from.error * from.error;
+            self.speeds += self.speed * self.speed;
             let towards = step * from.error > 0.0;
             *(if towards { &mut self.towards } else { &mut self.away }) += step.abs();
         }
@@ -205,10 +217,17 @@ impl ChainEvidence {
         self.all += 1;
         self.equal += u64::from(command.to_bits() == servo.to_bits());
         let step_s = seconds_from_nanos(time_ns.saturating_sub(last_ns));
+        let error = servo - command;
         if step_s > 0.0 && (command - last).abs() > MOVES_PU_S * step_s {
             self.moving += 1;
-            self.near += u64::from((command - servo).abs() < COPY_PU);
+            // What lies alone is no noise.
+            if let Some(last) = self.last_error.filter(|last| error.abs().max(last.abs()) < STILL_PU) {
+                self.near += 1;
+                self.error_squares += error * error;
+                self.error_steps += 0.5 * (error - last).powi(2);
+            }
         }
+        self.last_error = Some(error);
     }
 
     fn tripped(&mut self, time_ns: i64, servo: f64, normal: bool) {
@@ -259,11 +278,13 @@ impl ChainEvidence {
     pub(crate) fn found(&self) -> Vec<Impossible> {
         let mut found = vec![];
         let moves = span(self.command_ends) > MOVED_PU;
-        let copied = self.moving >= COPY_SAMPLES && self.near as f64 > COPY_SHARE * self.moving as f64;
+        let is_near = self.moving >= COPY_SAMPLES && self.near as f64 > COPY_SHARE * self.moving as f64;
+        let copied = is_near && self.error_steps > LASTS * self.error_squares;
         let bits = self.all >= COPY_SAMPLES && self.equal as f64 > COPY_SHARE * self.all as f64;
         if moves && (copied || bits) {
-            let Self { near, moving, equal, all, .. } = *self;
-            found.push(Impossible::Copy { near, moving, equal, all });
+            let Self { moving, equal, all, .. } = *self;
+            let apart_pu = (self.error_squares / self.near.max(1) as f64).sqrt();
+            found.push(Impossible::Copy { apart_pu, moving, equal, all });
             return found;
         }
         found.extend(self.fastest);
@@ -272,14 +293,15 @@ impl ChainEvidence {
         let correlation = self.relation.correlation();
         if is_away {
             let (away_pu, towards_pu) = (self.away, self.towards);
+            let lead_s = (self.distances / self.speeds.max(f64::MIN_POSITIVE)).sqrt();
             let together = self.relation.n >= PAIRS && correlation > UNRELATED;
-            found.push(if together {
-                Impossible::Leads { away_pu, towards_pu }
+            found.push(if together && lead_s < OTHER_CLOCK_S {
+                Impossible::Leads { away_pu, towards_pu, lead_s }
             } else {
                 Impossible::Away { away_pu, towards_pu }
             });
         }
-        let tell = self.relation.n >= PAIRS && span(self.servo_ends) > MOVED_PU && span(self.spool_ends) > MOVED_PU;
+        let tell = self.relation.n >= PAIRS && span(self.servo_ends) > MOVED_PU && self.relation.speed_lasts();
         if tell && (correlation < UNRELATED) {
             found.push(Impossible::Unrelated { correlation });
         }

@@ -141,7 +141,7 @@ const STOP_PU: f64 = 0.005;
 /// Least delays that differ by more are of two clocks, s: on its way to the recorder a message that nothing holds up takes milliseconds.
 const CLOCKS_S: f64 = 0.1;
 /// And by more than this no row can be right.
-const OTHER_CLOCK_S: f64 = 1.0;
+pub(super) const OTHER_CLOCK_S: f64 = 1.0;
 
 /// Governors press the servomotor into its stops by some per cent of the stroke.
 const PRESSED_PU: f64 = 0.05;

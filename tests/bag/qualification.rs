@@ -43,7 +43,7 @@ fn noise(step: i64) -> f64 {
     (mixed >> 40) as f64 / (1_u64 << 24) as f64 * 0.004 - 0.002
 }
 
-/// A plant that follows slow ramps of its command, with noise; each row may be spoilt.
+/// A plant that follows slow ramps of its command a tenth of a second behind, with noise; each row may be spoilt.
 pub fn plant(seconds: i64, spoil: impl Fn(i64, &mut Row)) -> Bag {
     let mut bag = Bag::default();
     for step in 0..seconds * 100 {
@@ -55,7 +55,7 @@ pub fn plant(seconds: i64, spoil: impl Fn(i64, &mut Row)) -> Bag {
             opening,
             pressure_pa: 6.3e6 + 2e5 * noise(step + 7),
             spool: 0.02 * (step as f64 * 2e-3).cos() + noise(step),
-            servomotor: opening + noise(step + 3),
+            servomotor: 0.5 + 0.3 * ((step - 10) as f64 * 2e-3).sin() + noise(step + 3),
             frame_id: "plant",
         };
         spoil(step, &mut row);
@@ -252,8 +252,9 @@ fn a_tank_without_pressure_is_disqualified() {
 fn commands_beyond_the_stroke_are_told() {
     let stretched = |by: f64| {
         read(&plant(40, |step, row| {
-            row.opening = (row.opening - 0.5) * by + 0.5;
-            row.servomotor = row.opening.clamp(0.0, 1.0) + noise(step + 3);
+            let stretch = |opening: f64| (opening - 0.5) * by + 0.5;
+            row.opening = stretch(row.opening);
+            row.servomotor = stretch(row.servomotor - noise(step + 3)).clamp(0.0, 1.0) + noise(step + 3);
         }))
     };
     let health = stretched(2.0);

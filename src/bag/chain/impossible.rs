@@ -6,12 +6,13 @@ use govtwin_model::signal::Signal;
 /// What cannot be of one machine, with figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Impossible {
-    /// Position and command are the same: samples that are, of how many while the command moved, and how many of all to the last bit.
-    Copy { near: u64, moving: u64, equal: u64, all: u64 },
+    /// Position and command are the same: root mean square apart in so many samples while the command moved, pu, and how many of all are equal to the
+    /// last bit.
+    Copy { apart_pu: f64, moving: u64, equal: u64, all: u64 },
     /// The servomotor moves away from its command, pu, and so far towards it.
     Away { away_pu: f64, towards_pu: f64 },
-    /// The same, while spool and servomotor go together: the response comes before the command.
-    Leads { away_pu: f64, towards_pu: f64 },
+    /// The same, while spool and servomotor go together: the response comes before the command, by so much, s.
+    Leads { away_pu: f64, towards_pu: f64, lead_s: f64 },
     /// It opens while tripped, pu, or stands open: position, pu, at a time, ns, so long after the trip, s.
     OpensTripped { by_pu: f64, time_ns: i64 },
     /// It stands open while tripped.
@@ -35,18 +36,19 @@ impl Impossible {
     pub(crate) fn words(&self) -> String {
         let percent = |pu: f64| format!("{:.1} %", pu * 100.0);
         match *self {
-            Self::Copy { near, moving, equal, all } => format!(
-                "the servomotor position is the command: {equal} of {all} samples are the same to the last bit, and {near} of {moving} while it \
-                 moves are nearer than 0.05 %; one of the two channels is wired to the other"
+            Self::Copy { apart_pu, moving, equal, all } => format!(
+                "the servomotor position is the command: {equal} of {all} samples are the same to the last bit, and in {moving} while it moves \
+                 nothing but noise of {:.2} % is between the two; one of the two channels is wired to the other",
+                apart_pu * 100.0
             ),
             Self::Away { away_pu, towards_pu } => format!(
                 "the servomotor moves away from its command, by {} of the stroke in all and {} towards it: time runs backwards, the response \
-                 comes before the command, or the position is turned",
+                 comes before the command, or one of the two is turned or scaled",
                 percent(away_pu),
                 percent(towards_pu)
             ),
-            Self::Leads { away_pu, towards_pu } => format!(
-                "the servomotor moves before its command does, {} of the stroke in all against {} behind it: the stamps of command and measured \
+            Self::Leads { away_pu, towards_pu, lead_s } => format!(
+                "the servomotor moves before its command does, by some {lead_s:.2} s, {} of the stroke in all against {} behind it: the stamps of command and measured \
                  state are of two clocks",
                 percent(away_pu),
                 percent(towards_pu)
@@ -85,8 +87,8 @@ impl Impossible {
                  backwards"
             ),
             Self::Unrelated { correlation } => format!(
-                "spool and speed of the servomotor have nothing to do with each other (correlation {correlation:.2}): they are of two machines, or one of \
-                 the channels is another"
+                "spool and speed of the servomotor have nothing to do with each other (correlation {correlation:.2}): they are of two machines, one of \
+                 the channels is another, or the spool's is stuck"
             ),
             Self::TooFast { pu_s, time_ns } => format!(
                 "the servomotor runs {pu_s:.1} strokes each second (at {time_ns} ns), and none does: is time in another unit?"

@@ -1,5 +1,6 @@
 //! What is kept of one signal, or of two, from row to row.
 
+use super::LASTS;
 use super::impossible::Impossible;
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
@@ -60,15 +61,23 @@ impl HeldWatch {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Relation {
     pub(super) n: f64,
+    last: Option<(f64, f64)>,
     x: f64,
     y: f64,
     xx: f64,
     yy: f64,
     xy: f64,
+    /// Half the squares of the speed's steps.
+    steps: f64,
 }
 
 impl Relation {
+    /// Takes a spool and a speed; a spool that stands still to the last bit is frozen, and tells nothing here.
     pub(super) fn take(&mut self, x: f64, y: f64) {
+        let Some((_, before)) = self.last.replace((x, y)).filter(|(last, _)| last.to_bits() != x.to_bits()) else {
+            return;
+        };
+        self.steps += 0.5 * (y - before).powi(2);
         self.n += 1.0;
         let (dx, dy) = (x - self.x, y - self.y);
         self.x += dx / self.n;
@@ -76,6 +85,11 @@ impl Relation {
         self.xx += dx * (x - self.x);
         self.yy += dy * (y - self.y);
         self.xy += dx * (y - self.y);
+    }
+
+    /// Whether the speed is more than the noise of the position.
+    pub(super) fn speed_lasts(&self) -> bool {
+        self.steps < LASTS * self.yy
     }
 
     pub(super) fn correlation(&self) -> f64 {

@@ -1,0 +1,77 @@
+//! What `accept` and `diagnose` make of recordings that cannot be true: none passes a test, none is a fault of the machine.
+
+use std::path::Path;
+use std::process::Command;
+
+use mcap::WriteOptions;
+
+use super::defects::{DEFECTS, Defect, Fate, bag_of, frames};
+
+/// A folder with a defect in recordings of a fault-free unit.
+fn defective(defect: &Defect, processes: &[&str]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for process in processes {
+        let mut rows = frames(&format!("practice/case_01/{process}.mcap"));
+        (defect.change)(&mut rows);
+        let file = folder.path().join(process).with_extension("mcap");
+        std::fs::write(file, bag_of(&rows).bytes(WriteOptions::new())).unwrap();
+    }
+    folder
+}
+
+/// Exit code, standard output and standard error of a command on a folder.
+fn run(command: &str, arguments: &[&str], folder: &Path) -> (i32, String, String) {
+    let out = tempfile::tempdir().unwrap();
+    let program = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+        .arg(command)
+        .arg(folder)
+        .args(arguments)
+        .arg("--json")
+        .arg("--out")
+        .arg(out.path().join("report"))
+        .output()
+        .unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    let (said, told) = (text(program.stdout), text(program.stderr));
+    assert!(!told.contains("panicked"), "{told}");
+    (program.status.code().unwrap(), said, told)
+}
+
+/// Words of the reasons for which a recording is refused as data.
+const REASONS: [&str; 11] = [
+    "the servomotor position is the command",
+    "moves away from its command",
+    "against its spool",
+    "have nothing to do with each other",
+    "rests at",
+    "while the ESV says shutdown",
+    "the ESV has said shutdown",
+    "the recording is not of this unit",
+    "before its command does",
+    "is held for",
+    "more than one sender",
+];
+
+/// Defects of these fates that a command does not refuse for a reason in each of two recordings.
+fn let_pass(command: &str, arguments: &[&str], fates: &[Fate]) -> Vec<String> {
+    let defects = DEFECTS.iter().filter(|defect| fates.contains(&defect.fate));
+    let told = |defect: &Defect| {
+        let folder = defective(defect, &["load_rejection", "load_increase"]);
+        let (code, said, told) = run(command, arguments, folder.path());
+        let reasons = REASONS.iter().map(|reason| told.matches(reason).count()).sum::<usize>();
+        (code != 1 || !said.is_empty() || reasons < 2).then(|| format!("{}: {code} {told}", defect.what))
+    };
+    defects.filter_map(told).collect()
+}
+
+#[test]
+fn nothing_is_measured_on_what_is_not_true() {
+    let passed = let_pass("accept", &["--measure-only"], &[Fate::Impossible, Fate::OfAnother, Fate::Doubtful]);
+    assert!(passed.is_empty(), "{passed:#?}");
+}
+
+#[test]
+fn nothing_is_concluded_from_what_cannot_be() {
+    let passed = let_pass("diagnose", &[], &[Fate::Impossible, Fate::OfAnother]);
+    assert!(passed.is_empty(), "{passed:#?}");
+}
