@@ -17,6 +17,9 @@ use crate::model::FittedModel;
 /// Work of the fit to some of the recordings.
 const PART: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
 
+/// Odds of something else at work, by what two units leave, from which on they explain nothing: one sound unit in twenty leaves as much.
+const RARE: f64 = 19.0;
+
 /// The sum of squares about a fit, quadratic in the free parameters.
 #[derive(Clone, Debug)]
 struct Quadratic {
@@ -123,10 +126,11 @@ pub fn disagreement(problem: &Problem, model: &FittedModel, numbers: &Hyperparam
         let (effects, base) = (model.effects.clone(), model.base.clone());
         FittedModel::new(effects, base, model.free_parameters.clone(), fitted(&group.members))
     });
-    // Two units must explain the recordings themselves: to what equations get wrong, and by sheets that are no farther off than sheets are.
+    // Two units must explain the recordings themselves: what they leave, and how far their sheets are off, must be no rarity of sound units.
     let left = models.iter().map(|model| model.fit.square).sum::<f64>() / problem.independent_samples();
-    let is_stretched = models.iter().any(|model| model.prior_per_parameter() - 1.0 > numbers.sheet_error);
-    if left - SOUND_MEAN_SQUARE > numbers.equation_error || is_stretched {
+    let stretched = models.iter().map(FittedModel::prior_per_parameter).fold(0.0, f64::max);
+    let beyond = ((left - SOUND_MEAN_SQUARE) / numbers.equation_error).max((stretched - 1.0) / numbers.sheet_error);
+    if beyond.max(0.0).powf(1.0 / numbers.error_spread) > RARE {
         return None;
     }
     let mut temperature = (left / SOUND_MEAN_SQUARE).max(1.0) / numbers.tempering;
