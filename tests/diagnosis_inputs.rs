@@ -181,36 +181,6 @@ fn recordings_of_different_units_are_told_apart() {
     noted(&said, &["different units", "width_m would be", "strange"]);
 }
 
-/// Two processes of each of two shipped units, of which one has a fault: the same sheet fits neither pair by the other's parameters.
-#[test]
-fn two_processes_of_each_of_two_units_are_told_apart() {
-    let shipped = |unit: &str, process: &str| {
-        let path = format!("{}/bags/practice/{unit}/{process}.mcap", env!("CARGO_MANIFEST_DIR"));
-        let options =
-            ReadOptions { interpolation: Interpolation::Sharp { period_ns: 1_000_000 }, ..ReadOptions::default() };
-        let mut one = read(path.as_ref(), &options).unwrap().recording;
-        one.name = format!("{unit} {process}");
-        one
-    };
-    let catalogue: Vec<_> = ["backlash", "port_overlap"].iter().filter_map(|id| find(id)).collect();
-    let settings = DiagnosisSettings { catalogue, ..DiagnosisSettings::default() };
-    let told = |second: &str| {
-        let first = ["startup", "load_increase"].map(|process| shipped("case_03", process));
-        let second = ["load_rejection", "shutdown"].map(|process| shipped(second, process));
-        diagnose(first.into_iter().chain(second).collect(), &reference(), &settings, &|_, _| ()).unwrap()
-    };
-    let mixed = told("case_01");
-    assert_eq!(mixed.verdict, Verdict::Unknown, "{:?}", mixed.ranking);
-    noted(
-        &mixed,
-        &["different units", "case_03 startup, case_03 load_increase", "case_01 load_rejection, case_01 shutdown"],
-    );
-    assert!(mixed.ranking.iter().any(|one| one.id == "unknown" && one.probability > 0.89), "{:?}", mixed.ranking);
-    let one = told("case_03");
-    assert_eq!(one.verdict, Verdict::Named, "{:?}", one.ranking);
-    assert!(!one.notes.iter().any(|note| note.contains("different units")), "{:?}", one.notes);
-}
-
 #[test]
 fn an_effect_is_not_taken_for_different_units() {
     let mut unit = sheet();

@@ -113,14 +113,6 @@ impl Decision {
         Self { verdict, blamed: Vec::new(), ..self }
     }
 
-    /// The same where nothing says at which stage something unknown is: it is no fault of the machine.
-    #[must_use]
-    pub(crate) fn anywhere(mut self) -> Self {
-        let each = self.unknown / self.unknown_at.len().max(1) as f64;
-        self.unknown_at.iter_mut().for_each(|(_, p)| *p = each);
-        self
-    }
-
     /// Probability of each stage: of its effects, and of something unknown there.
     #[must_use]
     pub fn stages(&self) -> Vec<(Stage, f64)> {

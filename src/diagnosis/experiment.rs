@@ -199,7 +199,7 @@ impl Weighing<'_> {
 
     /// What a candidate tells, with each choice of signals.
     fn weighed(&self, index: usize) -> Vec<Weighed> {
-        let only = self.tests.of_recordings(&[index]);
+        let only = self.tests.only(index);
         let slopes_at = |model: &FittedModel, first: usize, at: &DVector<f64>| {
             slopes(&only, &model.base, &model.free_parameters, &model.fit.positions, first, &vec![at.clone()]).pop()
         };

@@ -14,7 +14,7 @@ pub mod evidence;
 pub mod experiment;
 pub mod fleet;
 pub mod generate;
-pub mod homogeneity;
+pub(crate) mod homogeneity;
 pub mod hypotheses;
 pub mod identification;
 pub mod likelihood;
@@ -161,8 +161,8 @@ pub fn diagnose(
         let dropped;
         (decision, dropped, compared) = stage_only::modest(&problem, &explored, (&ready, stage), decision);
         notes.extend(dropped);
-    } else if let Some(strange) = homogeneity::disagreement(&problem, explored.leader(), &numbers) {
-        decision = decision.forced(Verdict::Unknown).anywhere();
+    } else if let Some(strange) = homogeneity::disagreement(&problem, &explored) {
+        decision = decision.forced(Verdict::Unknown);
         notes.push(strange);
     }
     notes.extend(rests_on(

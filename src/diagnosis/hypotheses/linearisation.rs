@@ -90,7 +90,7 @@ impl Linearisation {
         let slopes = model.free_parameters.len();
         // One recording after another: the residuals of all atoms are much memory.
         let gram_of = |recording: usize| {
-            let moved = problem.of_recordings(&[recording]).residuals_of(&units);
+            let moved = problem.only(recording).residuals_of(&units);
             let at = &model.fit.residuals[recording];
             let (own, b) = (&model.fit.slopes[recording], &discrepancy.marks[recording]);
             let mut all = DMatrix::zeros(at.len(), slopes + b.ncols() + atoms.len() + 1);

@@ -162,9 +162,7 @@ impl EvidenceTable {
         let pilot = govtwin_model::signal::Signal::PilotValvePosition;
         Self {
             samples,
-            samples_of_each: (0..problem.recordings.len())
-                .map(|one| problem.of_recordings(&[one]).independent_samples())
-                .collect(),
+            samples_of_each: (0..problem.recordings.len()).map(|one| problem.only(one).independent_samples()).collect(),
             assumed_sheet: false,
             pilot: problem.recordings.iter().any(|recording| recording.has[pilot as usize]),
             rows: explored.hypotheses.par_iter().map(row).collect(),

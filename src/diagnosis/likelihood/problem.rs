@@ -107,12 +107,10 @@ impl Problem {
         self.whiteners.iter().flatten().map(Whitener::width).sum()
     }
 
-    /// A problem with some of the recordings, their noise as laid out here.
+    /// A problem with one of the recordings alone, its noise as laid out here.
     #[must_use]
-    pub fn of_recordings(&self, some: &[usize]) -> Self {
-        let (recordings, whiteners) =
-            some.iter().map(|&k| (self.recordings[k].clone(), self.whiteners[k].clone())).unzip();
-        self.of(recordings, whiteners)
+    pub fn only(&self, recording: usize) -> Self {
+        self.of(vec![self.recordings[recording].clone()], vec![self.whiteners[recording].clone()])
     }
 
     /// One recording through the mean twin of a unit.
@@ -139,7 +137,10 @@ impl Problem {
     /// The same problem without one recording; what it simulates counts with the whole.
     #[must_use]
     pub fn without(&self, left: usize) -> Self {
-        self.of_recordings(&(0..self.recordings.len()).filter(|&k| k != left).collect::<Vec<_>>())
+        fn others<T: Clone>(all: &[T], left: usize) -> Vec<T> {
+            all.iter().enumerate().filter(|&(k, _)| k != left).map(|(_, one)| one.clone()).collect()
+        }
+        self.of(others(&self.recordings, left), others(&self.whiteners, left))
     }
 
     /// A problem with other recordings; what it simulates counts with this one's.
