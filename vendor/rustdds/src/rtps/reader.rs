@@ -331,7 +331,7 @@ impl Reader {
         self.handle_requested_deadline_event();
         self.set_requested_deadline_check_timer(); // re-prime timer
       }
-      TimedEvent::RepeatPreemptiveAcknack { writer } => self.repeat_preemptive_acknack(writer),
+      TimedEvent::RepeatPreemptiveAcknack { writer } => self.ask_where_nothing_came(writer),
     }
   }
 
@@ -429,10 +429,7 @@ impl Reader {
           // one comes only after the writer's heartbeat period, and a Reliable
           // reader withholds all samples received in the meantime.
           if self.reliability != policy::Reliability::BestEffort {
-            if let Some(mut writer_proxy) = self.matched_writers.remove(&writer) {
-              self.send_preemptive_acknack_to(&mut writer_proxy);
-              self.matched_writers.insert(writer, writer_proxy);
-            }
+            self.ask_where_nothing_came(writer);
             self.timed_event_timer.borrow_mut().set_timeout(
               PREEMPTIVE_ACKNACK_REPEAT,
               DpTimerEvent::Reader {
@@ -1476,7 +1473,7 @@ impl Reader {
   // event thread ago. What was sent just before we matched is requested so early
   // that the request is lost, and the next HEARTBEAT comes after 3 s: where nothing
   // came from the writer, it is asked again.
-  fn repeat_preemptive_acknack(&mut self, writer: GUID) {
+  fn ask_where_nothing_came(&mut self, writer: GUID) {
     if let Some(mut writer_proxy) = self.matched_writers.remove(&writer) {
       if writer_proxy.last_change_timestamp().is_none() {
         self.send_preemptive_acknack_to(&mut writer_proxy);
