@@ -6,7 +6,7 @@ pub(crate) mod linearisation;
 pub(crate) mod profile;
 pub mod table;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::estimation::fit::{Effort, Start, fit_all};
 use crate::evidence::Shared;
@@ -46,9 +46,17 @@ pub struct Explored {
     pub discrepancy: Arc<Columns>,
     /// The linear picture there.
     pub linearisation: Linearisation,
+    /// What the evidence of all sets shares, once anybody asked.
+    shared: OnceLock<Arc<Shared>>,
 }
 
 impl Explored {
+    /// What the evidence of all sets shares.
+    pub(crate) fn shared(&self, problem: &Problem) -> Arc<Shared> {
+        let new = || Arc::new(Shared::new(problem, &self.discrepancy, self.refitted().cost()));
+        Arc::clone(self.shared.get_or_init(new))
+    }
+
     /// The sheet refitted, without any effect.
     #[must_use]
     pub fn refitted(&self) -> &FittedModel {
@@ -116,7 +124,7 @@ impl Explored {
             })
             .collect();
         let fits = fit_all(problem, &starts);
-        let shared = Shared::new(problem, &self.discrepancy, self.refitted().cost());
+        let shared = self.shared(problem);
         let mut best: Vec<Option<Hypothesis>> = vec![None; claims.len()];
         for ((place, _, (base, free_parameters, _)), fit) in places.into_iter().zip(fits) {
             let known = catalogue.iter().enumerate().filter(|(_, spec)| claims[place].contains(&spec.id));
@@ -269,7 +277,7 @@ impl<'a> Exploration<'a> {
         }
         let mut hypotheses: Vec<Hypothesis> = known.fitted.into_values().collect();
         hypotheses.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-        Explored { hypotheses, discrepancy, linearisation }
+        Explored { hypotheses, discrepancy, linearisation, shared: OnceLock::new() }
     }
 }
 

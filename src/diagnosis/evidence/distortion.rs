@@ -21,7 +21,6 @@ use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
 use govtwin_model::signal::Signal;
 use govtwin_model::stored::figure;
-use govtwin_model::units::seconds_from_nanos;
 
 /// Cells that tests by time are made of, s: half of the time over which errors of equations stay alike.
 const CELL_S: f64 = 0.1;
@@ -238,8 +237,8 @@ impl Shared {
             for rows in &rows {
                 by_time(rows, signal, &zeros, &mut test);
             }
-            by_state(&rows, signal, &zeros, &mut test);
         }
+        by_state(&rows, &zeros, &mut test);
         let (deviations, signal, place) = strongest?;
         let tail = Normal::standard().sf(deviations.abs());
         Some(Distortion { signal, place, deviations, p_value: (2.0 * count * tail).min(1.0) })
@@ -250,9 +249,7 @@ impl Shared {
 fn by_time(rows: &Rows<'_>, signal: Signal, zeros: &Sums, test: &mut impl FnMut(&Sums, Signal, &dyn Fn() -> Place)) {
     let Some(place) = rows.data.place(signal) else { return };
     let measured = rows.data.measured(signal);
-    let start_ns = rows.data.frames[0].time_ns;
-    let time_s: Vec<f64> =
-        rows.data.samples.iter().map(|&row| seconds_from_nanos(rows.data.frames[row].time_ns - start_ns)).collect();
+    let time_s: Vec<f64> = (0..measured.len()).map(|sample| rows.data.time_s(sample)).collect();
     let mut cells: Vec<(Range<f64>, Sums)> = Vec::new();
     for (sample, time_s) in time_s.iter().copied().enumerate().filter(|(sample, _)| measured[*sample].is_finite()) {
         if cells.last().is_none_or(|(times, _)| time_s - times.start >= CELL_S) {
@@ -291,26 +288,29 @@ fn by_time(rows: &Rows<'_>, signal: Signal, zeros: &Sums, test: &mut impl FnMut(
     }
 }
 
-/// Tests by position of spool and servomotor, and by the servomotor's speed, over all recordings together.
-fn by_state(rows: &[Rows<'_>], signal: Signal, zeros: &Sums, test: &mut impl FnMut(&Sums, Signal, &dyn Fn() -> Place)) {
+/// Tests of every signal by position of spool and servomotor, and by the servomotor's speed, over all recordings together.
+fn by_state(rows: &[Rows<'_>], zeros: &Sums, test: &mut impl FnMut(&Sums, Signal, &dyn Fn() -> Place)) {
     for of in [Signal::ServomotorPosition, Signal::SpoolPosition] {
-        let states: Vec<Vec<(f64, f64)>> = rows.iter().map(|rows| states(rows.data, of)).collect();
+        let states = |rows: &Rows<'_>| rows.data.measured(of).into_iter().zip(rows.data.speeds(of, CELL_S)).collect();
+        let states: Vec<Vec<(f64, f64)>> = rows.iter().map(states).collect();
         let positions = edges(states.iter().flatten().map(|state| state.0));
-        let mut bins = vec![zeros.clone(); 3 * BINS];
-        collect(rows, signal, &states, &mut bins, |(position, speed)| {
-            let direction = if speed.abs() < STANDING_PU_S { 0 } else { 1 + usize::from(speed > 0.0) };
-            bin(&positions, position).map(|bin| 3 * bin + direction)
-        });
-        for (k, sums) in bins.iter().enumerate() {
-            let (from_pu, to_pu) = (positions[k / 3], positions[k / 3 + 1]);
-            test(sums, signal, &|| Place::Position { of, from_pu, to_pu, direction: [0, -1, 1][k % 3] });
-        }
-        if of == Signal::ServomotorPosition {
-            let speeds = edges(states.iter().flatten().map(|state| state.1));
-            let mut bins = vec![zeros.clone(); BINS];
-            collect(rows, signal, &states, &mut bins, |(_, speed)| bin(&speeds, speed));
+        let speeds = edges(states.iter().flatten().map(|state| state.1));
+        for signal in Signal::ALL {
+            let mut bins = vec![zeros.clone(); 3 * BINS];
+            collect(rows, signal, &states, &mut bins, |(position, speed)| {
+                let direction = if speed.abs() < STANDING_PU_S { 0 } else { 1 + usize::from(speed > 0.0) };
+                bin(&positions, position).map(|bin| 3 * bin + direction)
+            });
             for (k, sums) in bins.iter().enumerate() {
-                test(sums, signal, &|| Place::Speed { from_pu_s: speeds[k], to_pu_s: speeds[k + 1] });
+                let (from_pu, to_pu) = (positions[k / 3], positions[k / 3 + 1]);
+                test(sums, signal, &|| Place::Position { of, from_pu, to_pu, direction: [0, -1, 1][k % 3] });
+            }
+            if of == Signal::ServomotorPosition {
+                let mut bins = vec![zeros.clone(); BINS];
+                collect(rows, signal, &states, &mut bins, |(_, speed)| bin(&speeds, speed));
+                for (k, sums) in bins.iter().enumerate() {
+                    test(sums, signal, &|| Place::Speed { from_pu_s: speeds[k], to_pu_s: speeds[k + 1] });
+                }
             }
         }
     }
@@ -333,19 +333,6 @@ fn collect(
             }
         }
     }
-}
-
-/// Position and speed at each sample, the speed over a tenth of a second to each side.
-fn states(data: &PreparedRecording, of: Signal) -> Vec<(f64, f64)> {
-    let measured = data.measured(of);
-    let reach = data.samples_in(CELL_S);
-    let last = measured.len().saturating_sub(1);
-    let time_s = |sample: usize| seconds_from_nanos(data.frames[data.samples[sample]].time_ns);
-    let speed = |sample: usize| {
-        let (before, after) = (sample.saturating_sub(reach), (sample + reach).min(last));
-        (measured[after] - measured[before]) / (time_s(after) - time_s(before)).max(1e-3)
-    };
-    (0..measured.len()).map(|sample| (measured[sample], speed(sample))).collect()
 }
 
 /// Edges of bins that hold all but the farthest hundredths.

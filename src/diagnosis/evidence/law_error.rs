@@ -14,7 +14,6 @@ use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
 use govtwin_model::recording::Process;
 use govtwin_model::signal::Signal;
-use govtwin_model::units::seconds_from_nanos;
 
 /// A law's error that is none, as a share of what the effect does.
 pub const NO_LAW_ERROR: f64 = 1e-3;
@@ -110,21 +109,13 @@ pub fn limits(model: &FittedModel, without_effects: f64) -> Vec<f64> {
 /// Position, speed and time at each sample, each about from −1 to 1.
 fn shapes(recording: &PreparedRecording) -> Vec<[f64; SHAPES]> {
     let measured = recording.measured(Signal::ServomotorPosition);
-    let time_s = |sample: usize| {
-        seconds_from_nanos(recording.frames[recording.samples[sample]].time_ns - recording.frames[0].time_ns)
-    };
-    // Speed over a second or so: transducer noise is no speed.
-    let reach = recording.samples_in(0.25);
-    let last = measured.len().saturating_sub(1);
+    let speeds_pu_s = recording.speeds(Signal::ServomotorPosition, 0.25);
     let of = |sample: usize| {
-        let (before, after) = (sample.saturating_sub(reach), (sample + reach).min(last));
-        let elapsed_s = (time_s(after) - time_s(before)).max(1e-3);
-        let speed_pu_s = (measured[after] - measured[before]) / elapsed_s;
         let finite = |value: f64| if value.is_finite() { value } else { 0.0 };
         [
             finite(2.0 * measured[sample] - 1.0),
-            finite((speed_pu_s / FAST_PU_S).tanh()),
-            2.0 * (-time_s(sample) / DRIFT_S).exp() - 1.0,
+            finite((speeds_pu_s[sample] / FAST_PU_S).tanh()),
+            2.0 * (-recording.time_s(sample) / DRIFT_S).exp() - 1.0,
         ]
     };
     (0..measured.len()).map(of).collect()

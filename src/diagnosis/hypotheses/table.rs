@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
-use crate::evidence::Shared;
 use crate::evidence::distortion::Distortion;
 use crate::evidence::parts::{PartFit, excesses_of, parts};
 use crate::hypotheses::Explored;
@@ -116,11 +115,12 @@ impl EvidenceTable {
         if self.stage_alone.is_some() {
             return;
         }
-        let shared = Shared::new(problem, &explored.discrepancy, explored.refitted().cost());
-        for (row, hypothesis) in self.rows.iter_mut().zip(&explored.hypotheses).enumerate().filter_map(|(k, pair)| {
-            let asked = rows.contains(&k) || pair.1.effects.is_empty();
-            (asked && !pair.1.model.fit.slopes.is_empty()).then_some(pair)
-        }) {
+        let shared = explored.shared(problem);
+        for (k, (row, hypothesis)) in self.rows.iter_mut().zip(&explored.hypotheses).enumerate() {
+            let is_asked = rows.contains(&k) || hypothesis.effects.is_empty();
+            if !is_asked || hypothesis.model.fit.slopes.is_empty() {
+                continue;
+            }
             let kappa = hypothesis.normal.likeliest_kappa(LAW_ERROR);
             row.distortion = shared.distortion(problem, &hypothesis.model, &hypothesis.normal, (kappa, LAW_ERROR));
         }

@@ -135,6 +135,26 @@ impl PreparedRecording {
         self.samples.iter().map(|&row| signal.of(&self.frames[row].measured)).collect()
     }
 
+    /// Time of a sample since the first row, s.
+    #[must_use]
+    pub(crate) fn time_s(&self, sample: usize) -> f64 {
+        seconds_from_nanos(self.frames[self.samples[sample]].time_ns - self.frames[0].time_ns)
+    }
+
+    /// Speed of a signal at each sample, from so long before to as long after: noise of neighbouring samples is no speed. Not a number where it was not
+    /// measured.
+    #[must_use]
+    pub(crate) fn speeds(&self, signal: Signal, reach_s: f64) -> Vec<f64> {
+        let measured = self.measured(signal);
+        let (reach, last) = (self.samples_in(reach_s), measured.len().saturating_sub(1));
+        let of = |sample: usize| {
+            let (before, after) = (sample.saturating_sub(reach), (sample + reach).min(last));
+            let elapsed_s = (self.time_s(after) - self.time_s(before)).max(1e-3);
+            (measured[after] - measured[before]) / elapsed_s
+        };
+        (0..measured.len()).map(of).collect()
+    }
+
     /// Time since the sample before, s; 0 for the first.
     #[must_use]
     pub fn steps_s(&self) -> Vec<f64> {

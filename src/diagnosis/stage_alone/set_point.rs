@@ -16,6 +16,7 @@ use self::motion::stretches;
 use crate::estimation::coordinate::{Judge, Residuals, square, subject_at};
 use crate::estimation::fit::{Effort, Start, fit_all};
 use crate::stage_alone::run::{Lag, Run, SpoolLaw, mean_spool, solved, travel, typical_s};
+use crate::stage_alone::spread::is_gain;
 
 /// Samples that the fit looks at, of all runs together.
 const LOOKED_AT: usize = 20_000;
@@ -30,8 +31,6 @@ const USUAL_SPEED: f64 = 0.95;
 const STARTS: [(f64, f64); 4] = [(f64::INFINITY, 1.0), (1.0, 0.3), (0.7, 0.3), (1.0, 1.0)];
 /// Halves of the play that a fit may begin from, as shares of the position's travel.
 const PLAYS: [f64; 5] = [0.005, 0.01, 0.02, 0.04, 0.08];
-/// Standard errors of the differences between pieces by which a law with play must predict better.
-const STANDARD_ERRORS: f64 = 2.0;
 /// A part that makes the error no smaller than this is not there.
 const LEAST_WORTH: f64 = 1e-3;
 /// Enough for the least error.
@@ -173,12 +172,7 @@ impl SetPoint {
 
 /// Whether what is gained in the pieces of two parts, as logarithms of errors, is a gain in both, and beyond the spread between pieces.
 fn pays(gained: &[Vec<f64>]) -> bool {
-    let all: Vec<f64> = gained.iter().flatten().copied().collect();
-    let count = all.len() as f64;
-    let mean = all.iter().sum::<f64>() / count;
-    let variance = all.iter().map(|one| (one - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    let in_both = gained.iter().all(|part| part.iter().sum::<f64>() > 0.0);
-    in_both && mean > STANDARD_ERRORS * (variance / count).sqrt()
+    gained.iter().all(|part| part.iter().sum::<f64>() > 0.0) && is_gain(&gained.concat())
 }
 
 /// Usual speed of the position as it rises and as it falls.

@@ -62,6 +62,17 @@ pub(crate) fn spread(whole: &DMatrix<f64>, pieces: &[PieceSlopes]) -> Option<DMa
     Some(moved * ((count - 1.0) / count))
 }
 
+/// Standard errors beyond which a gain is more than chance.
+const STANDARD_ERRORS: f64 = 2.0;
+
+/// Whether what pieces gain is more than what differs between them.
+pub(crate) fn is_gain(gained: &[f64]) -> bool {
+    let count = gained.len() as f64;
+    let mean = gained.iter().sum::<f64>() / count;
+    let variance = gained.iter().map(|one| (one - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    mean > STANDARD_ERRORS * (variance / count).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

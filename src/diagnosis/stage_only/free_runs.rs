@@ -18,6 +18,7 @@ use crate::stage_alone::plain::Plain;
 use crate::stage_alone::plain_models::{PlainKind, PlainModel};
 use crate::stage_alone::plain_numbers::PlainNumbers;
 use crate::stage_alone::run::Run;
+use crate::stage_alone::spread::is_gain;
 use crate::stage_alone::time_scale::free_run_s;
 use crate::stage_only::stage_figures::PlainLaw;
 use govtwin_model::parameters::Unit;
@@ -27,8 +28,6 @@ use govtwin_model::twin::Cut;
 
 /// The twin's error over the plain model's from which on the plain one may win: by less, the twin is as good.
 const CLEARLY: f64 = 1.05;
-/// Standard errors of the differences between pieces, in logarithms, by which it must.
-const STANDARD_ERRORS: f64 = 2.0;
 /// Share of the squared error, of what a plain model of the same law closes, that named effects must close beside it.
 const NEARLY: f64 = 0.9;
 
@@ -180,11 +179,8 @@ fn wins(one: &ComparedModel, other: &ComparedModel) -> bool {
     // Of logarithms, so that a piece in which everything errs more weighs no more.
     let difference = |(other, one): (&f64, &f64)| (other.max(f64::MIN_POSITIVE) / one.max(f64::MIN_POSITIVE)).ln();
     let differences: Vec<f64> = other.pieces.iter().zip(&one.pieces).map(difference).collect();
-    let count = differences.len() as f64;
-    let mean = differences.iter().sum::<f64>() / count;
-    let variance = differences.iter().map(|one| (one - mean).powi(2)).sum::<f64>() / (count - 1.0);
     let in_both = (0..2).all(|half| one.halves[half] < other.halves[half]);
-    in_both && CLEARLY * one.held_out < other.held_out && mean > STANDARD_ERRORS * (variance / count).sqrt()
+    in_both && CLEARLY * one.held_out < other.held_out && is_gain(&differences)
 }
 
 /// Free runs of the recordings, by half: of several recordings the first ones and the others; none where a half has none.

@@ -73,15 +73,11 @@ fn largest(problem: &Problem, estimates: &[Vec<Estimate>]) -> Option<LargestErro
     let (signal, excess) = all[recording].iter().max_by(|a, b| inside(a).total_cmp(&inside(b)))?;
     let mean = excess[rows.clone()].iter().sum::<f64>() / rows.len() as f64 + 1.0;
     let data = &problem.recordings[recording];
-    let time_s = |row: usize| {
-        let frame = &data.frames[data.samples[row]];
-        govtwin_model::units::seconds_from_nanos(frame.time_ns - data.frames[0].time_ns)
-    };
     Some(LargestError {
         recording: data.name.clone(),
         signal: *signal,
-        from_s: time_s(rows.start),
-        to_s: time_s(rows.end - 1),
+        from_s: data.time_s(rows.start),
+        to_s: data.time_s(rows.end - 1),
         rms: (mean.max(0.0) * problem.floor_square(recording, *signal)).sqrt(),
         share: if total > 0.0 { (sum / total).min(1.0) } else { f64::NAN },
     })
