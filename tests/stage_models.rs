@@ -178,9 +178,7 @@ fn stage_models_are_the_same_in_any_unit_sign_and_clock() {
             for wanted in models(&plain).iter().filter(|one| one.is_plain) {
                 let found = model(&said, &wanted.model);
                 assert_eq!(found.pieces.len(), wanted.pieces.len(), "{how}");
-                // The crane is no set point: its lag stands at its bound, and the other numbers are weakly held.
-                let close = if wanted.model == "set point with lag" && name == "crane" { 0.05 } else { 0.03 };
-                assert!(near(found.held_out, wanted.held_out, close), "{}: {how}", wanted.model);
+                assert!(near(found.held_out, wanted.held_out, 0.03), "{}: {how}", wanted.model);
                 if let (Some(found), Some(wanted)) = (parameter(found, "lag"), parameter(wanted, "lag"))
                     && wanted > 0.0
                 {

@@ -84,7 +84,8 @@ impl SetPoint {
         let axes = Axis::all(&runs, &linear, with_limits);
         let data = FreeRuns { runs: &runs, size: 1.0 };
         // Squares about as many as there are samples, so that the fit ends where a sample's worth is gained no more.
-        let size = (square(&data.of(&linear)) / count.max(1) as f64).sqrt();
+        let size_of = |law: &Self| (square(&data.of(law)) / count.max(1) as f64).sqrt();
+        let size = size_of(&linear);
         if size <= 0.0 {
             return Some(linear);
         }
@@ -99,6 +100,9 @@ impl SetPoint {
         };
         let bases: Vec<Self> = starts.iter().map(of).collect();
         let best = data.fitted(&bases, &axes)?;
+        // With limits far less may be left, of which a sample's worth is less.
+        let data = FreeRuns { runs: &runs, size: size_of(&best).max(f64::MIN_POSITIVE) };
+        let best = data.fitted(&[best], &axes)?;
         let best = if with_limits { best.with_play(&data, &axes) } else { best };
         Some(best.without_idle(&data))
     }
