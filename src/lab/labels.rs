@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::battery::{Label, TrueFault};
-use govtwin_model::effects::Stage;
+use govtwin_model::effects::{Stage, find};
 use govtwin_model::params::yaml::{self, Node, parse};
 
 /// A label file that cannot be read.
@@ -34,7 +34,10 @@ fn wrong(place: &str, expected: &'static str, found: Option<&Node>) -> LabelsErr
     LabelsError::Shape { place: place.to_owned(), expected, found }
 }
 
-/// Reads labels by case; `strength`, `rate_hz` and `mismatch` may be absent.
+/// Reads labels by case, which may stand below `units`; `strength`, `rate_hz` and `mismatch` may be absent.
+///
+/// Effects are a list, as [`write`] writes it, or sizes by effect with `in_the_catalogue`, `stages` and `gap_over_noise` beside them: what they change
+/// over the noise, by signal and process, of which the largest is the strength.
 ///
 /// # Errors
 /// When the text is not YAML, or a case is not as the practice labels have it.
@@ -43,26 +46,58 @@ pub fn read(text: &str) -> Result<Vec<Label>, LabelsError> {
         Ok(document) => document.root,
         Err(error) => return Err(LabelsError::Syntax { line: error.line, message: error.message }),
     };
-    let Node::Map(cases) = &root else { return Err(wrong("the file", "cases by name", Some(&root))) };
+    let Node::Map(cases) = get(&root, "units").unwrap_or(&root) else {
+        return Err(wrong("the file", "cases by name", Some(&root)));
+    };
     cases.iter().map(|(name, node)| label(name, node)).collect()
 }
 
 fn label(name: &str, node: &Node) -> Result<Label, LabelsError> {
-    let listed = match get(node, "listed") {
+    let listed = match get(node, "listed").or_else(|| get(node, "in_the_catalogue")) {
         Some(Node::Bool(listed)) => *listed,
         None => true,
         other => return Err(wrong(&format!("{name}.listed"), "true or false", other)),
     };
     let effects = match get(node, "effects") {
         Some(Node::List(effects)) => effects.iter().map(|effect| truth(name, effect)).collect::<Result<_, _>>()?,
-        other => return Err(wrong(&format!("{name}.effects"), "a list", other)),
+        Some(Node::Map(sizes)) => {
+            let first = match get(node, "stages") {
+                Some(Node::List(stages)) => stages.first(),
+                _ => None,
+            };
+            sizes.iter().map(|(id, size)| of_size(name, (id, size), first)).collect::<Result<_, _>>()?
+        }
+        other => return Err(wrong(&format!("{name}.effects"), "a list, or sizes by effect", other)),
     };
     let number = |key: &str| match get(node, key) {
         Some(Node::Number(number)) => *number,
         _ => f64::NAN,
     };
-    let (strength_ratio, rate_hz, mismatch) = (number("strength"), number("rate_hz"), number("mismatch"));
+    let (rate_hz, mismatch) = (number("rate_hz"), number("mismatch"));
+    let strength_ratio = match get(node, "gap_over_noise") {
+        Some(Node::Map(processes)) => processes.iter().flat_map(|(_, ratios)| numbers(ratios)).fold(0.0, f64::max),
+        _ => number("strength"),
+    };
     Ok(Label { name: name.to_owned(), effects, listed, strength_ratio, rate_hz, mismatch })
+}
+
+fn numbers(node: &Node) -> impl Iterator<Item = f64> {
+    let list = if let Node::List(list) = node { list.as_slice() } else { &[] };
+    list.iter().filter_map(|one| if let Node::Number(number) = one { Some(*number) } else { None })
+}
+
+/// A true fault by its size; the stage of one that is not in the catalogue stands beside it.
+fn of_size(name: &str, (id, size): (&str, &Node), stage: Option<&Node>) -> Result<TrueFault, LabelsError> {
+    let Node::Number(size) = size else { return Err(wrong(&format!("{name}.effects.{id}"), "a number", Some(size))) };
+    let beside = || match stage {
+        Some(Node::Text(stage)) => Stage::with_id(stage),
+        _ => None,
+    };
+    let known = find(id).map(|spec| spec.stage);
+    let stage = known
+        .or_else(beside)
+        .ok_or_else(|| wrong(&format!("{name}.stages"), "a list of stages of the chain", stage))?;
+    Ok(TrueFault { id: id.to_owned(), stage, size: *size, unit: String::new(), meaning: String::new() })
 }
 
 fn truth(name: &str, node: &Node) -> Result<TrueFault, LabelsError> {
@@ -171,12 +206,35 @@ mod tests {
             ("a: [", "line"),
             ("- 1", "cases by name"),
             ("a: {listed: 3, effects: []}", "a.listed: expected true or false, found the number 3"),
-            ("a: {listed: true}", "a.effects: expected a list, found nothing"),
+            ("a: {listed: true}", "a.effects: expected a list, or sizes by effect, found nothing"),
             ("a: {effects: [{id: x, stage: moon}]}", "a stage of the chain"),
         ] {
             let error = read(text).unwrap_err().to_string();
             assert!(error.contains(expected), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn sizes_by_effect_are_labels_too() {
+        let text = "units:\n  a: {effects: {backlash: 0.003}, in_the_catalogue: true, stages: [servomotor], rate_hz: 5, gap_over_noise: {startup: [2.5, 4], shutdown: [3]}}\n  \
+                    b: {effects: {a sticky band: 2}, in_the_catalogue: false, stages: [spool]}\n  c: {effects: {}}\n";
+        let labels = read(text).unwrap();
+        let all: Vec<(&str, bool, Vec<(&str, Stage, f64)>)> = labels
+            .iter()
+            .map(|label| {
+                let effects = label.effects.iter().map(|one| (one.id.as_str(), one.stage, one.size)).collect();
+                (label.name.as_str(), label.listed, effects)
+            })
+            .collect();
+        let expected = [
+            ("a", true, vec![("backlash", Stage::Servomotor, 0.003)]),
+            ("b", false, vec![("a sticky band", Stage::Spool, 2.0)]),
+            ("c", true, vec![]),
+        ];
+        assert_eq!(all, expected);
+        assert!((labels[0].strength_ratio - 4.0).abs() < 1e-12 && labels[2].strength_ratio.is_nan());
+        let error = read("b: {effects: {a sticky band: 2}}").unwrap_err().to_string();
+        assert!(error.contains("b.stages: expected a list of stages"), "{error}");
     }
 
     #[test]

@@ -4,26 +4,26 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin_bag::Topics;
 use govtwin_diagnosis::result::Experiment;
 use govtwin_files::digest::sha256;
 use govtwin_files::{Claim, read_text, write_new};
 use govtwin_lab::battery::plan::{BatteryRates, plan};
 use govtwin_lab::battery::{self, Case as Plan, CaseKind, Label};
-use govtwin_lab::benchmark::validation;
 use govtwin_lab::labels;
 use govtwin_model::parameters::Unit;
 use govtwin_model::params::{self, Overlay};
-use govtwin_model::recording::Process;
+use govtwin_model::recording::{Process, Recording};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use tempfile::TempDir;
 
 use super::cases::UnitFolder;
+use super::later;
 use super::scoring::LARGEST_BYTES;
 use super::shard::Shard;
+use crate::commands::bags::{self, TopicArgs};
+use crate::commands::generate;
 use crate::commands::output::{Progress, write_atomically};
-use crate::commands::report_file::{is_there, text_if_there};
-use crate::commands::{bags, generate};
+use crate::commands::report_file::text_if_there;
 
 /// Where the answers are opened, below the battery's folder.
 const LABELS: &str = "answers/labels.yaml";
@@ -251,46 +251,21 @@ impl Battery {
         Ok(self.labels.iter().map(|label| Label { strength_ratio: of(label), ..label.clone() }).collect())
     }
 
-    /// Explained fraction that came true, for every unit whose reports say what to try; and why others have none.
+    /// Explained fraction that came true on recordings that are made now, and why units have none.
     pub fn validations(&self, out: &Path, sheet: &Unit) -> (BTreeMap<String, f64>, Vec<String>) {
-        let progress = Progress::new(self.plans.len(), "validations");
-        let realised: Vec<anyhow::Result<Option<f64>>> = self
-            .plans
-            .par_iter()
-            .map(|plan| {
-                let fraction = realised(out, sheet, plan);
-                progress.step();
-                fraction
-            })
-            .collect();
-        drop(progress);
-        let (mut fractions, mut failed) = (BTreeMap::new(), Vec::new());
-        for (plan, fraction) in self.plans.iter().zip(realised) {
-            match fraction {
-                Ok(fraction) => fractions.extend(fraction.map(|fraction| (plan.name.clone(), fraction))),
-                Err(error) => failed.push(format!("{}: explained fraction not examined: {error:#}", plan.name)),
+        let made = |plan: &Plan| -> anyhow::Result<Option<Vec<Recording>>> {
+            if plan.alone.is_some() {
+                return Ok(None);
             }
-        }
-        (fractions, failed)
+            let bags = tempfile::tempdir().context("no temporary folder for its recordings")?;
+            for (process, streams) in battery::fresh_recordings(sheet, plan) {
+                generate::write(made_by(plan), process, plan.seed, &streams, &bags.path().join(process.id()))?
+                    .place()?;
+            }
+            later::read(bags.path(), &TopicArgs::default(), sheet).map(Some)
+        };
+        later::fractions(&self.plans, |plan| &plan.name, made, out)
     }
-}
-
-/// Explained fraction on recordings that are made now and read as any others; none where the reports name nothing.
-fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>> {
-    let at = |file: &str| -> anyhow::Result<Option<Unit>> {
-        let path = out.join(&plan.name).join(file);
-        Ok(if is_there(&path)? { Some(params::load(&path)?) } else { None })
-    };
-    let (Some(refitted), Some(improved)) = (at("refitted.yaml")?, at("fitted.yaml")?) else { return Ok(None) };
-    if improved.effects.is_empty() || plan.alone.is_some() {
-        return Ok(None);
-    }
-    let bags = tempfile::tempdir().context("no temporary folder for its recordings")?;
-    for (process, streams) in battery::fresh_recordings(sheet, plan) {
-        generate::write(made_by(plan), process, plan.seed, &streams, &bags.path().join(process.id()))?.place()?;
-    }
-    let fresh = bags::read(&[bags.path().to_owned()], &Topics::default(), sheet)?;
-    Ok(validation::explained_fraction(fresh.recordings, &refitted, &improved))
 }
 
 #[cfg(test)]

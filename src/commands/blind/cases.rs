@@ -24,10 +24,15 @@ pub struct UnitFolder {
     pub without: Option<String>,
     /// Its true values, by which the regret of the search is measured.
     pub true_values: Option<PathBuf>,
+    /// Recordings made later, which no diagnosis reads.
+    pub later: Option<PathBuf>,
 }
 
 /// The file of true values in a unit's folder.
 const TRUE_VALUES: &str = "truth.yaml";
+
+/// The folder of recordings made later, in a unit's folder.
+const LATER: &str = "later";
 
 /// Every folder in a folder that holds bags, by name; with the true values beside the bags where verdicts are to be scored.
 pub fn find(dir: &Path, topics: &TopicArgs, scored: bool) -> anyhow::Result<Vec<UnitFolder>> {
@@ -39,7 +44,8 @@ pub fn find(dir: &Path, topics: &TopicArgs, scored: bool) -> anyhow::Result<Vec<
         let hidden = name.starts_with('.');
         if !hidden && bags::holds_bags(&path)? {
             let true_values = Some(path.join(TRUE_VALUES)).filter(|file| scored && file.is_file());
-            cases.push(UnitFolder { name, dir: path, topics: topics.clone(), without: None, true_values });
+            let later = Some(path.join(LATER)).filter(|folder| folder.is_dir());
+            cases.push(UnitFolder { name, dir: path, topics: topics.clone(), without: None, true_values, later });
         }
     }
     cases.sort_by(|a, b| a.name.cmp(&b.name));
@@ -50,14 +56,17 @@ pub fn find(dir: &Path, topics: &TopicArgs, scored: bool) -> anyhow::Result<Vec<
 }
 
 impl UnitFolder {
-    /// Its bags, by name.
+    /// Its bags, by name, without those made later.
     pub fn bags(&self) -> anyhow::Result<Vec<Bag>> {
-        bags::find(std::slice::from_ref(&self.dir))
+        let mut bags = bags::find(std::slice::from_ref(&self.dir))?;
+        bags.retain(|bag| self.later.as_ref().is_none_or(|later| !bag.path.starts_with(later)));
+        Ok(bags)
     }
 
     /// Its recordings as the diagnosis reads them by the sheet of the unit, without what it does not qualify.
     pub fn recordings(&self, unit: &Unit) -> anyhow::Result<Vec<Recording>> {
-        let read = bags::read(std::slice::from_ref(&self.dir), &self.topics.topics(), unit)?;
+        let paths: Vec<PathBuf> = self.bags()?.into_iter().map(|bag| bag.path).collect();
+        let read = bags::read(&paths, &self.topics.topics(), unit)?;
         let intake = qualify_all(read.recordings, |_| Cut::None);
         if intake.qualified.is_empty() {
             bail!("no recording can be used:\n  {}", intake.refused.join("\n  "));
@@ -91,6 +100,7 @@ mod tests {
             topics: TopicArgs::default(),
             without: None,
             true_values: None,
+            later: None,
         };
         let sheet = govtwin_model::params::reference();
         let found = case.recordings(&sheet).unwrap();

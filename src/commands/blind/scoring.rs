@@ -102,7 +102,7 @@ fn parts(cases: &[ScoredUnit], figure: impl Fn(&Label) -> f64, name: impl Fn(f64
 /// Scores all methods, prints the table, writes `score.json` and `score.html`; hands out what could not be scored, each with its reason.
 pub fn score_all(
     labels: &[Label],
-    validations: Option<&BTreeMap<String, f64>>,
+    realised: &BTreeMap<String, f64>,
     methods: &[JudgingMethod],
     (units, expected): (&[UnitFolder], &ExpectedDigests),
     made: &Provenance,
@@ -124,8 +124,7 @@ pub fn score_all(
                 continue;
             };
             // The improved twins are the diagnosis's own.
-            let realised_fraction =
-                validations.filter(|_| place == 0).and_then(|validations| validations.get(&label.name)).copied();
+            let realised_fraction = realised.get(&label.name).copied().filter(|_| place == 0);
             cases.push(ScoredUnit { report, label: label.clone(), realised_fraction, expected_log_bayes_factor: None });
         }
         if matches!(method, JudgingMethod::Diagnosis) {
@@ -179,7 +178,7 @@ pub fn score_all(
         "by_rate": json_of(&by_rate),
         "by_mismatch": json_of(&by_mismatch),
         "next_tests": (tests.units > 0).then(|| json!(tests)),
-        "closures": validations,
+        "closures": (!realised.is_empty()).then_some(realised),
         "strengths": strengths,
         "misses": misses,
         "provenance": made,
