@@ -85,6 +85,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn bags_made_later_are_no_part_of_a_unit() {
+        let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/startup_01.mcap");
+        let dir = tempfile::tempdir().unwrap();
+        let unit = dir.path().join("one");
+        std::fs::create_dir_all(unit.join(LATER)).unwrap();
+        for file in [unit.join("startup.mcap"), unit.join(LATER).join("startup.mcap")] {
+            std::fs::copy(&bag, file).unwrap();
+        }
+        let found = find(dir.path(), &TopicArgs::default(), false).unwrap();
+        assert_eq!(found.iter().map(|unit| unit.name.as_str()).collect::<Vec<_>>(), ["one"]);
+        let bags: Vec<PathBuf> = found[0].bags().unwrap().into_iter().map(|bag| bag.path).collect();
+        assert_eq!(bags, [unit.join("startup.mcap")]);
+        assert_eq!(found[0].later, Some(unit.join(LATER)));
+    }
+
+    #[test]
     fn recordings_are_those_that_the_diagnosis_reads() {
         let bags_of = |from: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("bags").join(from);
         let dir = tempfile::tempdir().unwrap();
