@@ -55,7 +55,7 @@ pub struct Score {
     pub regret: RegretScore,
 }
 
-/// Regret of the search over the units whose true values are known, as shares of χ²; infinite where no set with the true faults was fitted.
+/// Regret of the search over the units whose true values are known, as shares of χ².
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RegretScore {
     /// Quantiles, each with the share of units that have no more.

@@ -60,13 +60,7 @@ pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
 /// How far the search stayed behind what the true values reach, in sentences; none where no true values are known.
 #[must_use]
 pub fn regret_in_words(regret: &RegretScore) -> Option<String> {
-    let share = |share: f64| {
-        if share.is_finite() {
-            format!("{} %", percent(share))
-        } else {
-            "∞ (no set with the true faults was fitted)".to_owned()
-        }
-    };
+    let share = |share: f64| format!("{} %", percent(share));
     let quantiles: Vec<String> = regret
         .quantiles
         .iter()
