@@ -1,15 +1,13 @@
 //! `govtwin calibrate`: learn the numbers of the diagnosis's posterior from judged units whose faults are known.
 
-use govtwin_lab::benchmark::scored_report::ScoredReport as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
-use govtwin_diagnosis::result::{Interval, Setup};
 use govtwin_files::read_text;
 use govtwin_lab::battery::Label;
-use govtwin_lab::benchmark::learn::{Example, examples, explained_fraction_widening, learn, log_score, size_spread};
+use govtwin_lab::benchmark::learn::{Example, examples, learn, log_score, size_spread};
 use govtwin_lab::benchmark::rejudge::rejudged;
 use govtwin_lab::benchmark::score::{Score, score};
 use govtwin_lab::benchmark::scored::ScoredUnit;
@@ -40,7 +38,7 @@ pub struct Args {
 
 const HELP: &str = "\
 The posterior of the diagnosis has seven global numbers that say how far equations and noise may be
-trusted, and three that say how wide intervals are. This command reads the evidence tables in
+trusted, and one that says how wide intervals of sizes are. This command reads the evidence tables in
 DIR/UNIT/report.json and the answers in DIR/answers/labels.yaml, and fits the numbers by log score.
 It scores them on units that were not used in learning: with several folders each is scored with
 the numbers of the others. One folder is cut by the mismatch of its plants, or into five parts.
@@ -51,8 +49,7 @@ For comparison, the same units are scored with
 Nothing is simulated.
 
 The program contains the numbers of params/posterior.json; to use others, replace that file and
-rebuild. What the folders do not show, such as how wide intervals are where no explained fraction
-was validated, stays as shipped.
+rebuild. What the folders do not show stays as shipped.
 
 Example:
   govtwin calibrate 8201 8202 8203 8204    # folders of `blind --generate`
@@ -63,30 +60,15 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 struct JudgedUnit {
     label: Label,
     report: DiagnosisReport,
-    /// By how much the interval of the share explained was widened.
-    widened_by: f64,
     came_true: Option<f64>,
 }
 
 impl JudgedUnit {
-    /// What it claims of the share explained, with the interval as it was before it was widened.
-    fn explained_fraction(&self, report: &DiagnosisReport) -> Option<Interval> {
-        Some(report.explained_fraction()?.widened(1.0 / self.widened_by))
-    }
-
-    /// What it would have been judged to be by other numbers, the interval of the share explained widened by theirs.
+    /// What it would have been judged to be by other numbers.
     fn rejudged(&self, numbers: &Hyperparameters) -> ScoredUnit {
-        let mut report = rejudged(&self.report, &self.report.evidence.table, numbers);
-        if let Some(claim) = self.explained_fraction(&report) {
-            report.gap.explained_fraction = claim.widened(numbers.widening(report.judged_by));
-        }
+        let report = rejudged(&self.report, &self.report.evidence.table, numbers);
         let (label, realised_fraction) = (self.label.clone(), self.came_true);
         ScoredUnit { report, label, realised_fraction, expected_log_bayes_factor: None }
-    }
-
-    /// The same of the report, beside what came true.
-    fn claim(&self) -> Option<(Interval, f64)> {
-        Some((self.explained_fraction(&self.report)?, self.came_true?))
     }
 }
 
@@ -201,17 +183,7 @@ fn parted<'a>(dirs: &[PathBuf], batteries: &'a [Vec<JudgedUnit>]) -> (Vec<String
 /// The numbers with those that are counted on these units; what they do not show stays as shipped.
 fn counted(numbers: Hyperparameters, units: &[&JudgedUnit], shipped: &Hyperparameters) -> Hyperparameters {
     let pairs: Vec<(&Label, &DiagnosisReport)> = units.iter().map(|unit| (&unit.label, &unit.report)).collect();
-    let claims = |setup: Setup| -> Option<f64> {
-        let of = units.iter().filter(|unit| unit.report.judged_by.id() == setup.id());
-        explained_fraction_widening(&of.filter_map(|unit| unit.claim()).collect::<Vec<_>>())
-    };
-    Hyperparameters {
-        size_spread: size_spread(&pairs).unwrap_or(shipped.size_spread),
-        explained_fraction_widening: claims(Setup::Chain).unwrap_or(shipped.explained_fraction_widening),
-        explained_fraction_widening_assumed_sheet: claims(Setup::AssumedSheet)
-            .unwrap_or(shipped.explained_fraction_widening_assumed_sheet),
-        ..numbers
-    }
+    Hyperparameters { size_spread: size_spread(&pairs).unwrap_or(shipped.size_spread), ..numbers }
 }
 
 /// The name of a folder.
@@ -249,11 +221,7 @@ fn read(dir: &Path) -> anyhow::Result<Vec<JudgedUnit>> {
         }
         let came_true = scored["closures"][label.name.as_str()].as_f64();
         let strength_ratio = strengths.get(&label.name).copied().unwrap_or(label.strength_ratio);
-        let widened_by = report
-            .evidence
-            .explained_fraction_widened_by
-            .unwrap_or_else(|| Hyperparameters::shipped().widening(report.judged_by));
-        units.push(JudgedUnit { label: Label { strength_ratio, ..label }, report, widened_by, came_true });
+        units.push(JudgedUnit { label: Label { strength_ratio, ..label }, report, came_true });
     }
     if units.is_empty() {
         bail!("{}: expected reports beside the answers, found none", dir.display());

@@ -91,7 +91,7 @@ pub struct Diagnosis {
     pub ranking: Vec<Ranked>,
     /// The gap in each signal.
     pub gap: Vec<SignalGap>,
-    /// Share of the gap that the blamed effects close together, on data left out of the fit.
+    /// Share of the gap that the blamed effects close together, on other recordings of the unit.
     pub explained_fraction: Interval,
     /// What the blamed effects leave, or, where none is blamed, the likeliest ones; none where there is no gap.
     pub remainder: Option<Remainder>,
@@ -129,8 +129,6 @@ pub struct Diagnosis {
     /// What was tried, best first.
     #[doc(hidden)]
     pub tried: Vec<Tried>,
-    /// By how much intervals of the explained share are widened, as a factor of their half-widths.
-    pub explained_fraction_widened_by: f64,
     /// Explained fraction on each recording by fits to the others; empty where there is nothing to transfer.
     #[doc(hidden)]
     pub transfers: Vec<Transfer>,

@@ -26,7 +26,7 @@ use crate::result::{Blame, ChannelReport, Diagnosis, Fitted, Interval, Ranked, T
 use crate::summary::breakdown::{breakdowns, gaps};
 use crate::summary::discrepancy_terms::discrepancy_terms;
 use crate::summary::explained_fraction::{
-    HeldOutEstimates, Refitted, explained_fraction, explained_fraction_of, without_parts, without_recordings,
+    Estimates, Refitted, expected_twins, explained_fraction, explained_fraction_of, without_recordings,
 };
 use crate::summary::remainder::remainder;
 use crate::summary::sheet_limits::sheet_limits;
@@ -110,16 +110,14 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited | Verdict::NoSuchUnit);
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
-    let refitted_parts = without_parts(problem, refitted_model);
-    let widening = judged.numbers.widening(settings.setup);
-    let widened = |interval: Interval| interval.widened(widening);
-    let whole = widened(explained_fraction(problem, &refitted_parts, &without_parts(problem, chosen), settings.seed));
+    let expected = |model: &FittedModel| expected_twins(problem, model, settings.seed);
+    let expected_refitted = expected(refitted_model);
+    let whole = explained_fraction(problem, &expected_refitted, &expected(chosen), settings.seed);
     let nearest = if has_gap { judged.nearest() } else { chosen };
     let is_claimed = std::ptr::eq(nearest, chosen);
-    let of_nearest =
-        || widened(explained_fraction(problem, &refitted_parts, &without_parts(problem, nearest), settings.seed));
+    let of_nearest = || explained_fraction(problem, &expected_refitted, &expected(nearest), settings.seed);
     let explained = if is_claimed { whole } else { of_nearest() };
-    let mut blamed = blames(&judged, chosen, verdict, &refitted_parts, settings);
+    let mut blamed = blames(&judged, chosen, verdict, &expected_refitted, settings);
     if verdict == Verdict::Named {
         share_out(whole.value, &mut blamed);
     }
@@ -150,7 +148,6 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         ranking: ranking(decision),
         gap: gaps(problem, &delivered, &refitted, &with_effects),
         explained_fraction: whole,
-        explained_fraction_widened_by: widening,
         remainder: has_gap
             .then(|| remainder(problem, explored, (nearest, &with_nearest), (explained, decision.something_else))),
         experiments: next.experiments,
@@ -239,7 +236,7 @@ fn blames(
     judged: &Judged<'_>,
     chosen: &FittedModel,
     verdict: Verdict,
-    refitted: &HeldOutEstimates,
+    refitted: &[Estimates],
     settings: &DiagnosisSettings,
 ) -> Vec<Blame> {
     let decision = judged.decision;
@@ -255,14 +252,14 @@ fn blames(
             let spec = decision.effects.iter().find(|(spec, _)| spec.id == *id)?.0;
             // Parameters come from the model that is claimed, explained fraction from the effect on its own.
             let model = if chosen.has(id) { chosen } else { alone };
-            let share =
-                explained_fraction(judged.problem, refitted, &without_parts(judged.problem, alone), settings.seed);
+            let of_alone = expected_twins(judged.problem, alone, settings.seed);
+            let share = explained_fraction(judged.problem, refitted, &of_alone, settings.seed);
             Some(Blame {
                 id: spec.id.to_owned(),
                 stage: spec.stage,
                 probability: probability(id),
                 parameters: fitted_effect(model, judged.numbers.size_spread, spec),
-                explained_fraction: share.widened(judged.numbers.widening(settings.setup)),
+                explained_fraction: share,
                 last_in: None,
                 shapley: None,
             })
@@ -314,8 +311,8 @@ fn transfers(
             recording: recording.name.clone(),
             explained_fraction: explained_fraction_of(
                 problem,
-                &refitted.estimates,
-                &with_effects.estimates,
+                std::slice::from_ref(&refitted.estimates),
+                std::slice::from_ref(&with_effects.estimates),
                 index..index + 1,
                 seed,
             ),

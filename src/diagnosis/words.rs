@@ -45,7 +45,7 @@ pub fn explained(explained_fraction: Interval, [subject, explains]: [&str; 2]) -
         );
     }
     let share = if explained_fraction.value > 0.0 { percents(explained_fraction) } else { "nothing".to_owned() };
-    format!("On held-out data, {subject} {explains} {share} of {error}.")
+    format!("On other recordings of the unit, {subject} {explains} {share} of {error}.")
 }
 
 /// Where a stage is on the machine.

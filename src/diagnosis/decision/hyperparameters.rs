@@ -5,8 +5,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::result::Setup;
-
 /// Most of what a set explains that a further effect may have to gain.
 const MOST_FURTHER_SHARE: f64 = 0.3;
 
@@ -30,10 +28,6 @@ pub struct Hyperparameters {
     pub error_spread: f64,
     /// Relative error of the size of an effect that comes of its law: one standard deviation.
     pub size_spread: f64,
-    /// Factor on the half-widths of the interval of the explained fraction, which equations in error widen.
-    pub explained_fraction_widening: f64,
-    /// The same where the sheet was made of the recordings.
-    pub explained_fraction_widening_assumed_sheet: f64,
     /// Where they were learned: folders, number of units, program version, scores.
     #[serde(default)]
     pub provenance: serde_json::Value,
@@ -61,8 +55,6 @@ impl Hyperparameters {
             sheet_error: 4.0,
             error_spread: 0.4,
             size_spread: 0.1,
-            explained_fraction_widening: 1.0,
-            explained_fraction_widening_assumed_sheet: 1.0,
             provenance: serde_json::Value::Null,
         }
     }
@@ -85,7 +77,7 @@ impl Hyperparameters {
 
     /// All of them by name.
     #[must_use]
-    pub fn named(&self) -> [(&'static str, f64); 10] {
+    pub fn named(&self) -> [(&'static str, f64); 8] {
         [
             ("share of the independent samples that counts", self.tempering),
             ("logarithm of the odds against each effect", self.rarity),
@@ -95,17 +87,6 @@ impl Hyperparameters {
             ("what data sheets are off, in squares of their tolerances", self.sheet_error),
             ("spread of all three between plants", self.error_spread),
             ("relative error of sizes", self.size_spread),
-            ("widening of the interval of the explained fraction", self.explained_fraction_widening),
-            ("the same without a data sheet", self.explained_fraction_widening_assumed_sheet),
         ]
-    }
-
-    /// Factor on the half-widths of the interval of the explained fraction of a unit that was judged by this.
-    #[must_use]
-    pub fn widening(&self, setup: Setup) -> f64 {
-        match setup {
-            Setup::AssumedSheet => self.explained_fraction_widening_assumed_sheet,
-            _ => self.explained_fraction_widening,
-        }
     }
 }

@@ -48,7 +48,7 @@ pub struct Blame {
     pub probability: f64,
     /// Its fitted parameters.
     pub parameters: Vec<Fitted>,
-    /// Share of the gap that it closes on its own, on data left out of the fit.
+    /// Share of the gap that it closes on its own, on other recordings of the unit.
     #[serde(rename = "closure")]
     pub explained_fraction: Interval,
     /// What it closes on top of the other of two effects; none where it is not one of two.

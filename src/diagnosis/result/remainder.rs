@@ -12,7 +12,7 @@ use govtwin_model::stored::figure;
 pub struct Remainder {
     /// Ids of the effects that the twin has: those that the verdict blames, else those of the likeliest fault set.
     pub beside: Vec<String>,
-    /// Share of the gap that these explain on data left out of the fit.
+    /// Share of the gap that these explain on other recordings of the unit.
     pub explained: Interval,
     /// Share of the gap that remains, 0 to 1.
     #[serde(deserialize_with = "figure")]

@@ -86,7 +86,7 @@ pub struct ReportedGap {
     /// In each signal.
     #[serde(default)]
     pub signals: Vec<SignalGap>,
-    /// Share of the gap that the blamed effects close together, on data left out of the fit.
+    /// Share of the gap that the blamed effects close together, on other recordings of the unit.
     #[serde(rename = "closure")]
     pub explained_fraction: Interval,
 }
@@ -110,9 +110,6 @@ pub struct ReportedEvidence {
     /// Explained fraction on each recording by fits to the others.
     #[serde(rename = "closure_without_recording")]
     pub transfers: Vec<Transfer>,
-    /// By how much intervals of the explained share were widened; none of an older program.
-    #[serde(default, rename = "closure_widened_by")]
-    pub explained_fraction_widened_by: Option<f64>,
     /// The sheet's parameters as fitted.
     pub parameters: Vec<SheetParameter>,
     /// What was tried, best first.
@@ -288,7 +285,6 @@ impl DiagnosisReport {
                 fault_sets: sets.map(|(effects, probability)| FaultSet { effects, probability }).collect(),
                 table: diagnosis.table.clone(),
                 transfers: diagnosis.transfers.clone(),
-                explained_fraction_widened_by: Some(diagnosis.explained_fraction_widened_by),
                 parameters: diagnosis.parameters.iter().map(SheetParameter::from).collect(),
                 tried: diagnosis.tried.clone(),
                 channels: diagnosis.channels.clone(),
@@ -364,7 +360,6 @@ impl From<DiagnosisReport> for Diagnosis {
             gap: gap.signals,
             explained_fraction: gap.explained_fraction,
             remainder: report.remainder,
-            explained_fraction_widened_by: evidence.explained_fraction_widened_by.unwrap_or(f64::NAN),
             experiments: report.experiments,
             entropy_bits: evidence.entropy_bits,
             refitted: unit.clone(),

@@ -9,7 +9,6 @@ use crate::benchmark::statistics::weight_of_sound;
 use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::decision::posterior::Posterior;
 use govtwin_diagnosis::hypotheses::table::EvidenceTable;
-use govtwin_diagnosis::result::Interval;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_model::effects::find;
 use govtwin_model::units::NORMAL_90;
@@ -153,17 +152,6 @@ pub fn size_spread(units: &[(&Label, &DiagnosisReport)]) -> Option<f64> {
     let place = errors.len().saturating_sub(1) * 9 / 10;
     errors.get(place).map(|error| error / NORMAL_90)
 }
-/// Factor by which intervals of the explained share are to be widened so that nine tenths of what came true lies inside; 1 at least, since a few
-/// claims that all came true say little of how much too wide they were. None of too few claims.
-#[must_use]
-pub fn explained_fraction_widening(claims: &[(Interval, f64)]) -> Option<f64> {
-    let mut short: Vec<f64> = claims.iter().map(|(claim, came_true)| claim.falls_short(*came_true)).collect();
-    short.sort_by(f64::total_cmp);
-    // The rank of conformal prediction: one claim more than there are must lie inside as often (Vovk, Gammerman & Shafer 2005).
-    let rank = (9 * (short.len() + 1)).div_ceil(10);
-    rank.checked_sub(1).and_then(|place| short.get(place)).map(|short| short.max(1.0))
-}
-
 /// Whether the likeliest single word of a posterior is right: an effect that is there, unknown, or nothing.
 fn first_is_right(example: &Example, numbers: &Hyperparameters) -> bool {
     let table = &example.table;

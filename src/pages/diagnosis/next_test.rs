@@ -35,10 +35,10 @@ pub fn length_s(one: &Experiment) -> String {
 
 /// Why no test is proposed.
 fn nothing_to_settle(diagnosis: &Diagnosis) -> String {
-    let bits = significant(diagnosis.entropy_bits, 2);
     if diagnosis.entropy_bits < LEAST_BITS {
-        format!("none needed, as the posterior's entropy is only {bits} bits")
+        format!("none needed, as less than {LEAST_BITS} bits are open between the fault sets")
     } else {
+        let bits = significant(diagnosis.entropy_bits, 2);
         format!("no candidate is expected to lower the posterior's entropy of {bits} bits by 0.01 bit")
     }
 }

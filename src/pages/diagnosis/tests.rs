@@ -74,7 +74,6 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             with_effects: 7.0e-4,
         }],
         explained_fraction,
-        explained_fraction_widened_by: 1.0,
         regret: None,
         remainder: matches!(verdict, Verdict::Named | Verdict::Class | Verdict::Unknown).then(|| Remainder {
             beside: vec!["backlash".into()],
@@ -202,7 +201,7 @@ fn the_page_says_the_verdict_and_holds_all_it_needs() {
     );
     assert!(html.contains("play 0.42 % [0.40, 0.44]"));
     assert!(html.contains(
-        "On held-out data, the fault explains 88 % [84, 91] of the squared error that recalibration leaves beyond noise."
+        "On other recordings of the unit, the fault explains 88 % [84, 91] of the squared error that recalibration leaves beyond noise."
     ));
     // Cause, how sure, error, what next, in this order and before everything else.
     let at = |words: &str| html.find(words).unwrap_or_else(|| panic!("{words}"));

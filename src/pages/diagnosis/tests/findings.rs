@@ -34,7 +34,7 @@ fn an_explained_fraction_below_nothing_is_none() {
     let text = summary(&diagnosis, usize::MAX);
     assert!(
         text.contains(
-            "On held-out data, the fault explains nothing of the squared error that recalibration leaves beyond noise."
+            "On other recordings of the unit, the fault explains nothing of the squared error that recalibration leaves beyond noise."
         ),
         "{text}"
     );
