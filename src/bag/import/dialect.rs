@@ -59,7 +59,16 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
         rows().find(|(k, row)| data(row) && next(*k)).map(|(k, _)| k).ok_or_else(|| no_data(&cells, separator))?
     };
     let above = begin.min(cells.len());
-    let above: Vec<usize> = (0..above).rev().take(MOST_HEADER_LINES).take_while(|k| cells[*k].len() == width).collect();
+    // Names may go on where the rows of data end, as before a comment that none has.
+    let names_more = |k: usize| {
+        let row = &cells[k];
+        let is_name = |(i, cell): (usize, &String)| {
+            !cell.is_empty() && !row[..i].contains(cell) && !is_number(cell, &numbers) && !is_time(cell)
+        };
+        row.len() > width && k + 1 == begin && row.iter().take(width).enumerate().all(is_name)
+    };
+    let is_above = |k: &usize| cells[*k].len() == width || names_more(*k);
+    let above: Vec<usize> = (0..above).rev().take(MOST_HEADER_LINES).take_while(is_above).collect();
     let unit_row = |k: usize| {
         let filled: Vec<&String> = cells[k].iter().filter(|cell| !cell.is_empty()).collect();
         let units = filled.iter().filter(|cell| is_unit(cell) || cell.starts_with('[')).count();
@@ -86,6 +95,7 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
     let row = |k: Option<usize>| k.and_then(|k| cells.get(k)).cloned().unwrap_or_default();
     let mut names = row(names_at);
     let mut units = row(units_at);
+    names.truncate(width);
     if names_at.is_none() {
         names = (1..=width).map(|k| format!("#{k}")).collect();
     }
@@ -281,6 +291,8 @@ mod tests {
             ("   1.0000000e+00   2.0000000e+00\n   2.0000000e+00   2.0e+00\n", "#2", b' ', '.', 0, 1),
             ("1.5\n1.6\n", "#1", b',', '.', 0, 1),
             (",a,b\n0,1.5,\n1,,2.5\n", "b", b',', '.', 1, 2),
+            ("t,a,b,comment,\n0,1.5,1\n1,1.5,2.5\n", "b", b',', '.', 1, 2),
+            ("t,a,b,\n0,1.5,1\n1,1.5,2.5\n", "b", b',', '.', 1, 2),
             ("\"Time\",\"Y, ist\"\n\"0\",\"1.5\"\n\"1\",\"2.5\"\n", "Y, ist", b',', '.', 1, 2),
         ] {
             let found = of(sample);
