@@ -179,6 +179,10 @@ const OTHERS: [&str; 26] = [
 /// Words of a quantity that has another source than the one that a position has: they speak against all positions.
 const PRESSURES: [&str; 5] = ["pressure", "druck", "pression", "presion", "press"];
 
+/// Words of pressures that are not the tank's, where nothing else says that they are.
+const NOT_OF_TANK: [&str; 9] =
+    ["load", "differential", "difference", "diff", "delta", "dp", "rod", "return", "cylinder"];
+
 /// How much a name speaks for each signal, and the words by which it does.
 pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
     let words = words(name);
@@ -204,7 +208,8 @@ pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
     if pressure != target.is_pressure() && (pressure || sum > 0.0 && target == Target::ControlPressure) {
         sum -= 4.0;
     }
-    if target == Target::TankPressure && score_of(Target::ControlPressure, &has) >= 5.0 {
+    let elsewhere = sum < 4.0 && words.iter().any(|word| NOT_OF_TANK.contains(&word.as_str()));
+    if target == Target::TankPressure && (elsewhere || score_of(Target::ControlPressure, &has) >= 5.0) {
         sum -= 4.0;
     }
     (sum, found.into_iter().map(|(word, _)| word).collect())
@@ -302,6 +307,7 @@ mod tests {
             ("p_tank", Target::TankPressure),
             ("Öldruck Windkessel", Target::TankPressure),
             ("U3.GOV.OILP.PV", Target::TankPressure),
+            ("load_rejection/tank_pressure", Target::TankPressure),
             ("/governor/tank_pressure.fluid_pressure", Target::TankPressure),
             ("Steuerdruck", Target::ControlPressure),
             ("/plant/servo_state.control_pressure", Target::ControlPressure),
@@ -317,6 +323,7 @@ mod tests {
             "Power_MW",
             "Frequency",
             "Oil temperature",
+            "/plant/load_pressure.fluid_pressure",
             "u",
             "status word",
             "/joint_states.velocity[servomotor]",
