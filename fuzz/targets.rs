@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use govtwin_bag::import::suggest::suggest;
+use govtwin_bag::import::suggest::{Known, suggest};
 use govtwin_bag::import::{Import, ImportError, Map};
 use govtwin_bag::msg::definition::{difference, parse_schema};
 use govtwin_bag::msg::type_hash::hash_of;
@@ -268,7 +268,7 @@ pub fn import(bytes: &[u8]) {
     if let Some(map) = std::str::from_utf8(map).ok().and_then(|text| Map::parse(text, Path::new("map.yaml")).ok()) {
         run(&map);
     }
-    if let Ok(proposed) = suggest(&path, &Map::default(), &mut |_| {}) {
+    if let Ok(proposed) = suggest(&path, &Known::default(), &mut |_| {}) {
         run(&proposed.map);
         let text = govtwin_bag::import::map_text(&proposed.map, &[], |_| String::new());
         if proposed.open.is_empty() && proposed.map.signals.iter().any(|signal| signal.place().is_some()) {

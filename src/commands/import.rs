@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::ValueHint;
+use govtwin_bag::import::suggest::{ColumnUnit, Known};
 use govtwin_bag::import::{ImportOutcome as Imported, Map};
 use govtwin_files::Claim;
 use govtwin_model::params::number_text;
@@ -35,6 +36,15 @@ pub struct Args {
     /// are used.
     #[arg(long)]
     suggest: bool,
+    /// With --suggest: the column of time, where its name does not say so.
+    #[arg(long, value_name = "NAME", requires = "suggest", conflicts_with = "rate_hz")]
+    time_column: Option<String>,
+    /// With --suggest: rows per second of a file without a column of time, Hz.
+    #[arg(long, value_name = "HZ", requires = "suggest", value_parser = positive)]
+    rate_hz: Option<f64>,
+    /// With --suggest: the unit of a column that its file does not state; may be given again for another.
+    #[arg(long = "unit", value_name = "NAME=UNIT", requires = "suggest", value_parser = column_unit)]
+    units: Vec<ColumnUnit>,
     /// Bag folder to write; without it, the files are only checked.
     ///
     /// With --suggest: folder for map.yaml and suggestion.html, by default `import`.
@@ -62,10 +72,26 @@ In a bag a signal is a field:
 
 Examples:
   govtwin import --suggest export.csv --out first_look
+  govtwin import --suggest rig.csv --rate-hz 500 --unit Y=mm
   govtwin import export.csv --map first_look/map.yaml --out bags/rejection
   govtwin diagnose export.csv --map first_look/map.yaml --params unit3.yaml
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings to check.";
+
+/// A rate, above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let rate = text.parse().ok().filter(|rate: &f64| rate.is_finite() && *rate > 0.0);
+    rate.ok_or_else(|| "expected rows per second, above 0".to_owned())
+}
+
+/// A column and its unit; names may hold the sign as well.
+fn column_unit(text: &str) -> Result<ColumnUnit, String> {
+    let (column, unit) = text
+        .rsplit_once('=')
+        .filter(|(column, unit)| !column.is_empty() && !unit.is_empty())
+        .ok_or("expected a column and its unit, as in `Y=mm`")?;
+    Ok(ColumnUnit { column: column.to_owned(), unit: unit.to_owned() })
+}
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -78,7 +104,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             )));
         };
         let out = args.out.clone().unwrap_or_else(|| PathBuf::from("import"));
-        return suggest::run(file, &map.unwrap_or_default(), &out, args.json);
+        let mut known = Known { map: map.unwrap_or_default(), units: args.units.clone() };
+        if let Some(column) = &args.time_column {
+            known.map.time.columns = vec![column.clone()];
+        }
+        known.map.time.rate_hz = args.rate_hz.or(known.map.time.rate_hz);
+        return suggest::run(file, &known, &out, args.json);
     }
     let map = map.context("--map is needed; `govtwin import --suggest FILE` proposes one")?;
     let imported = match &args.out {

@@ -36,6 +36,8 @@ pub struct ImportView {
     pub chosen: Vec<Guess>,
     /// Columns of which nothing was made.
     pub unused: Vec<Guess>,
+    /// Which columns move which, by their courses alone; none where none does.
+    pub pairs: Option<Table>,
     /// The origin that the file's folder states.
     pub origin: Option<String>,
     /// How the file was understood.
@@ -70,6 +72,12 @@ pub fn page(look: &ImportView) -> Result<Page, DrawError> {
         table.row([guess.title.clone(), guess.column.clone(), guess.why.clone()]);
     }
     body.table(table, "Columns chosen for the signals, with the reason.");
+    if let Some(pairs) = &look.pairs {
+        body.table(
+            pairs.clone(),
+            "Columns that hang together by their courses alone, whatever they are called, the strongest first.",
+        );
+    }
     body.heading("Proposed map");
     body.file_text(look.map.trim_end());
     if !look.unused.is_empty() {
@@ -164,11 +172,14 @@ mod tests {
             why: why.into(),
             points: vec![[0.0, 0.1, 0.2], [1.0, 0.2, 0.3]],
         };
+        let mut pairs = Table::new().words("column").words("what it does");
+        pairs.row(["Y_ist", "sums up"]);
         let look = ImportView {
             file: "a.csv".into(),
             rows: 2,
             chosen: vec![guess("Servomotor position", "its name")],
             unused: vec![guess("x", "")],
+            pairs: Some(pairs),
             origin: Some("Synthetic data: made up.".into()),
             notes: vec!["read as it is".into()],
             open: vec!["range: yours".into()],
@@ -178,6 +189,7 @@ mod tests {
         for words in [
             "Servomotor position, pu (Y_ist)",
             "its name",
+            "sums up",
             "Synthetic data: made up.",
             "range: yours",
             "Answer the open questions in",

@@ -51,6 +51,30 @@ fn a_suggestion_leads_to_a_bag_and_replay_reads_the_table_itself() {
 }
 
 #[test]
+fn a_suggestion_prints_what_columns_do_to_each_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut position = 0.0;
+    let text = (0..2000).fold(String::new(), |text, k| {
+        let valve = [3.0, -1.0, -4.0, 2.0][k / 50 % 4];
+        position += 0.02 * valve;
+        text + &format!("{valve},{position}\n")
+    });
+    let (_kept, table) = file("bare.csv", &text);
+    let arguments = ["import", "--suggest", table.to_str().unwrap(), "--rate-hz", "50", "--unit", "#2=mm"];
+    let output = govtwin(&arguments, folder.path());
+    for words in ["By their courses alone", "sums up", "govtwin diagnose"] {
+        assert!(said(&output).contains(words), "{words}: {}", said(&output));
+    }
+    let page = std::fs::read_to_string(folder.path().join("import/suggestion.html")).unwrap();
+    assert!(page.contains("sums up") && page.contains("whatever they are called"));
+    let map = std::fs::read_to_string(folder.path().join("import/map.yaml")).unwrap();
+    assert!(map.contains("rate_hz: 50") && map.contains("mm"), "{map}");
+    let output = govtwin(&[&arguments[..], &["--json"]].concat(), folder.path());
+    let figures: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&figures["pairs"][0]["position"], &figures["pairs"][0]["other"]), (&"#2".into(), &"#1".into()));
+}
+
+#[test]
 fn slips_are_told_before_anything_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let (_kept, table) = file("t.csv", "t,y\n0,1\n1,2\n2,3\n");
@@ -60,6 +84,10 @@ fn slips_are_told_before_anything_is_written() {
         (vec!["import", table, "--map", "none.yaml", "--out", "bag"], 1, "none.yaml: cannot read the map"),
         (vec!["import", "--suggest", table, table], 2, "--suggest looks at one file, found 2"),
         (vec!["import", "--suggest", "nowhere.csv"], 1, "nowhere.csv"),
+        (vec!["import", "--suggest", table, "--unit", "y"], 2, "a column and its unit"),
+        (vec!["import", "--suggest", table, "--unit", "z=mm"], 1, "no column `z`"),
+        (vec!["import", "--suggest", table, "--rate-hz", "0"], 2, "rows per second"),
+        (vec!["import", table, "--rate-hz", "5"], 2, "--suggest"),
         (vec!["replay", table, "--map", "m.yaml", "--topic", "esv=/x"], 2, "cannot be used with"),
     ] {
         let output = govtwin(&args, folder.path());

@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use govtwin_bag::import::suggest::{Suggestion, suggest};
+use govtwin_bag::import::suggest::{Known, Suggestion, suggest};
 use govtwin_bag::import::{ImportError, ImportOutcome, ImportedRow, Map, Target, map_text};
 use govtwin_bag::{self as bag, ReadOptions};
 
@@ -76,7 +76,7 @@ fn plain(value: f64, _: usize) -> String {
 const HEADER: &str = "Timestamp,cmd [%],servo [%],spool [%],p tank [bar]";
 
 fn propose(path: &Path) -> Result<Suggestion, ImportError> {
-    suggest(path, &Map::default(), &mut |_| ())
+    suggest(path, &Known::default(), &mut |_| ())
 }
 
 /// The rows of a table by the map that is proposed for it.

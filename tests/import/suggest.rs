@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use govtwin_bag::import::suggest::{Suggestion, suggest};
-use govtwin_bag::import::{Map, SignalPlace, Target, map_text};
+use govtwin_bag::import::suggest::{ColumnUnit, Known, Suggestion, suggest};
+use govtwin_bag::import::{Map, SignalPlace, Target, TimeMap, map_text};
 
 use super::{file, fixture, shipped};
 
 fn of(path: &Path) -> Suggestion {
-    suggest(path, &Map::default(), &mut |_| ()).unwrap_or_else(|error| panic!("{error}"))
+    suggest(path, &Known::default(), &mut |_| ()).unwrap_or_else(|error| panic!("{error}"))
 }
 
 fn places(suggestion: &Suggestion) -> Vec<(Target, String)> {
@@ -151,4 +151,95 @@ fn two_columns_that_would_both_do_are_named() {
     let (_folder, path) = file("rig.csv", &text);
     let open = of(&path).open.join("\n");
     assert!(open.contains("moves with the spool as"), "{open}");
+}
+
+/// A stage that sums up its valve beyond a dead zone, in units that nothing states: valve, position, and something else.
+fn stage(rows: usize) -> Vec<[f64; 3]> {
+    let (mut valve, mut position) = (0.0_f64, 40.0);
+    let row = |k: usize| {
+        let level = [0.7, -0.5, 0.0, -0.9, 0.4, 0.9, -0.6][k / 40 % 7];
+        valve += 0.3 * (level - valve);
+        position += valve.signum() * (valve.abs() - 0.05).max(0.0);
+        [5.0 * valve - 2.0, position, (0.7 * k as f64).sin()]
+    };
+    (0..rows).map(row).collect()
+}
+
+/// A command in steps and the position that settles to it, late.
+fn position_loop(rows: usize) -> Vec<[f64; 2]> {
+    let mut position = 0.0;
+    let command = |k: usize| [10.0, 35.0, 20.0, 60.0, 45.0, 5.0][k / 70 % 6];
+    let row = |k: usize| {
+        position += 0.06 * (command(k.saturating_sub(3)) - position);
+        [command(k), position]
+    };
+    (0..rows).map(row).collect()
+}
+
+#[test]
+fn a_file_without_names_and_times_is_told_by_its_courses() {
+    let text = stage(3000)
+        .iter()
+        .fold(String::new(), |text, [valve, position, other]| text + &format!("{other},{position},{valve}\n"));
+    let (_folder, path) = file("bare.csv", &text);
+    let found = of(&path);
+    assert_eq!(places(&found), [(Target::SpoolPosition, "#3".into()), (Target::ServomotorPosition, "#2".into())]);
+    let strongest = &found.pairs[0];
+    assert_eq!((strongest.position, strongest.what, strongest.other), (1, "sums up", 2));
+    assert!(found.open[0].contains("rows are counted as if one second apart"), "{:?}", found.open);
+    assert_eq!(found.map.time.rate_hz, Some(1.0));
+    // With its rate and a unit nothing of both is open.
+    let units = vec![ColumnUnit { column: "#2".into(), unit: "mm".into() }];
+    let map = Map { time: TimeMap { rate_hz: Some(2000.0), ..TimeMap::default() }, ..Map::default() };
+    let found = suggest(&path, &Known { map, units }, &mut |_| ()).unwrap();
+    assert_eq!(places(&found)[1].1, "#2");
+    let position = &found.map.signals[1];
+    assert!(position.unit == "mm" && !found.open.iter().any(|open| open.starts_with("time")), "{:?}", found.open);
+    let units = vec![ColumnUnit { column: "Y".into(), unit: "mm".into() }];
+    let wrong = suggest(&path, &Known { units, ..Known::default() }, &mut |_| ()).unwrap_err().to_string();
+    assert!(wrong.contains("no column `Y`"), "{wrong}");
+}
+
+#[test]
+fn a_command_is_known_by_what_follows_it() {
+    for (head, names) in [("t,指令,行程\n", ["指令", "行程"]), ("t,b,a\n", ["b", "a"])] {
+        let text = position_loop(3000).iter().enumerate().fold(head.to_owned(), |text, (k, [command, position])| {
+            text + &format!("{},{command},{position}\n", k as f64 * 0.01)
+        });
+        let (_folder, path) = file("loop.csv", &text);
+        let found = of(&path);
+        let [command, position] = names.map(str::to_owned);
+        let wanted = [(Target::OpeningCommand, command), (Target::ServomotorPosition, position)];
+        let places: Vec<_> = places(&found).into_iter().filter(|(target, _)| *target != Target::Esv).collect();
+        assert_eq!(places, wanted, "{:?}", found.open);
+        assert!(found.open.iter().any(|open| open.contains("chosen by its course alone")), "{:?}", found.open);
+        let pair = &found.pairs[0];
+        let settles_s = pair.settles_s.unwrap();
+        assert!(pair.what == "follows" && (0.1..0.25).contains(&settles_s), "{pair:?}");
+    }
+}
+
+#[test]
+fn a_valve_of_two_levels_and_a_speed_are_told_apart() {
+    let mut position = 50.0;
+    let mut text = "t,pump,height,remark,\n".to_owned();
+    for k in 0..3000_usize {
+        let on = (k / 35 % 5) % 2;
+        let speed = if on == 1 { 9.0 } else { -6.0 };
+        position += 0.01 * speed;
+        text.push_str(&format!("{},{on},{position}\n", k as f64 * 0.01));
+    }
+    let (_folder, path) = file("pump.csv", &text);
+    assert_eq!(
+        places(&of(&path)),
+        [(Target::SpoolPosition, "pump".into()), (Target::ServomotorPosition, "height".into())]
+    );
+    let rows: Vec<f64> = (0..3000).map(|k| (0.01 * f64::from(k)).sin() + 0.3 * (0.037 * f64::from(k)).sin()).collect();
+    let text = (1..2999).fold("t,x,w\n".to_owned(), |text, k| {
+        text + &format!("{},{},{}\n", k as f64 * 0.01, rows[k], (rows[k + 1] - rows[k - 1]) / 0.02)
+    });
+    let (_folder, path) = file("speed.csv", &text);
+    let found = of(&path);
+    assert_eq!(found.pairs[0].what, "has as its speed");
+    assert!(found.open.iter().any(|open| open.contains("is the speed of `x` itself")), "{:?}", found.open);
 }

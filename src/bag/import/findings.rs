@@ -14,7 +14,6 @@ use super::map::Map;
 use super::row::{ImportedRow, Target};
 use govtwin_model::units::seconds_from_nanos;
 
-pub(super) use meant::CorrelationSums;
 pub use meant::Range;
 use pace::IntervalBins;
 

@@ -8,7 +8,7 @@ mod order;
 pub(super) mod quality;
 pub(super) mod records;
 pub(super) mod table;
-mod timing;
+pub(super) mod timing;
 
 use std::fs::File;
 use std::io::Read as _;

@@ -5,7 +5,9 @@ mod machines;
 mod names;
 mod propose;
 mod rank;
+mod relations;
 mod tall;
+mod trio;
 mod trip;
 
 use std::path::Path;
@@ -20,11 +22,13 @@ use super::source::head::{TableHead, hint};
 use super::source::quality::column_of;
 use super::source::records::TableRecords;
 use super::source::table::TableSource;
+use super::source::timing::is_timed;
 use super::source::{Source as _, SourceKind, kind_of};
 use crate::{FieldReader, FieldValue, TopicInfo, messages};
 
 pub use column::{Envelope, SuggestedColumn};
 pub use rank::Proposed;
+pub use relations::RelatedPair;
 
 /// Columns of a file that are looked at.
 const MOST_COLUMNS: usize = 400;
@@ -40,6 +44,8 @@ pub struct Suggestion {
     pub columns: Vec<SuggestedColumn>,
     /// What each signal of the map was chosen by, in its order.
     pub reasons: Vec<Proposed>,
+    /// Which columns hang together by their courses, the strongest first.
+    pub pairs: Vec<RelatedPair>,
     /// How the file was understood.
     pub notes: Vec<String>,
     /// What its reader must decide, or should look into.
@@ -48,28 +54,46 @@ pub struct Suggestion {
     pub rows: u64,
 }
 
+/// The unit of a column that its file does not state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ColumnUnit {
+    /// The column's name.
+    pub column: String,
+    /// The unit.
+    pub unit: String,
+}
+
+/// What is known of a file before.
+#[derive(Clone, Debug, Default)]
+pub struct Known {
+    /// Of this map, `file` and `time` count.
+    pub map: Map,
+    /// Units of columns.
+    pub units: Vec<ColumnUnit>,
+}
+
 /// Looks through a file and proposes a map.
 ///
 /// # Errors
 /// Where it cannot be read, or its time is not understood: then the error says which line of a map would help.
-pub fn suggest(path: &Path, given: &Map, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, ImportError> {
+pub fn suggest(path: &Path, known: &Known, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, ImportError> {
     match kind_of(path)? {
-        SourceKind::Bag => of_bag(path, on_progress),
+        SourceKind::Bag => of_bag(path, &known.units, on_progress),
         SourceKind::Table => {
-            let file = CsvFile::open(path, &given.file)?;
-            let mut layout = given.file.clone();
+            let file = CsvFile::open(path, &known.map.file)?;
+            let mut layout = known.map.file.clone();
             layout.separator = Some(file.dialect.separator);
             layout.decimal = Some(file.dialect.numbers.decimal);
             layout.thousands = file.dialect.numbers.thousands;
             layout.header_line = Some(file.dialect.header_line);
             layout.unit_line = file.dialect.unit_line;
             layout.first_line = Some(file.dialect.first_line);
-            of_table(file.head.clone(), layout, given, || file.records(), on_progress)
+            of_table(file.head.clone(), layout, known, || file.records(), on_progress)
         }
         #[cfg(feature = "parquet")]
         SourceKind::Parquet => {
             let file = super::parquet_file::ParquetFile::open(path)?;
-            of_table(file.head.clone(), FileMap::default(), given, || file.records(), on_progress)
+            of_table(file.head.clone(), FileMap::default(), known, || file.records(), on_progress)
         }
         #[cfg(not(feature = "parquet"))]
         SourceKind::Parquet => Err(super::run::no_parquet(path)),
@@ -77,13 +101,22 @@ pub fn suggest(path: &Path, given: &Map, on_progress: &mut dyn FnMut(f64)) -> Re
 }
 
 fn of_table<R: TableRecords>(
-    head: TableHead,
+    mut head: TableHead,
     layout: FileMap,
-    given: &Map,
+    known: &Known,
     open: impl Fn() -> Result<R, ImportError>,
     on_progress: &mut dyn FnMut(f64),
 ) -> Result<Suggestion, ImportError> {
-    let map = Map { file: layout, time: given.time.clone(), ..Map::default() };
+    let mut map = Map { file: layout, time: known.map.time.clone(), ..Map::default() };
+    for ColumnUnit { column, unit } in &known.units {
+        let place = head.find(column).and_then(|place| place.ok_or_else(|| head.absent(column)));
+        let place = place.map_err(|problem| ImportError::file(&head.path, problem))?;
+        head.units[place].clone_from(unit);
+    }
+    let is_timed = is_timed(&head, &map, &open)?;
+    if !is_timed {
+        map.time.rate_hz = Some(1.0);
+    }
     let names = head.names.clone();
     let (units, numbers) = (head.units.clone(), head.numbers.clone());
     if let Some(long) = tall::columns(&head, &open)? {
@@ -119,6 +152,14 @@ fn of_table<R: TableRecords>(
     let unread = unread(&columns, &numbers);
     let mut suggestion = rank::rank(Map { time, ..map }, columns, false);
     suggestion.open.extend(unread);
+    if !is_timed {
+        suggestion.open.insert(
+            0,
+            "time: there is no column of it, so that rows are counted as if one second apart (`rate_hz: 1`): times and speeds are in rows until \
+             `rate_hz` says how many there are in a second; where a column is the time, name it with --time-column"
+                .to_owned(),
+        );
+    }
     for signal in &mut suggestion.map.signals {
         let index = signal.place().and_then(|name| names.iter().position(|known| known == name));
         signal.time = index.and_then(|index| table.own_time_of(index)).map(|number| format!("#{number}"));
@@ -155,7 +196,7 @@ fn unread(columns: &[SuggestedColumn], numbers: &Numbers) -> Vec<String> {
     columns.iter().filter_map(of).collect()
 }
 
-fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, ImportError> {
+fn of_bag(path: &Path, units: &[ColumnUnit], on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, ImportError> {
     let bag = messages(path)?;
     let total: u64 = bag.files().iter().map(|file| file.messages).sum();
     let mut notes = vec![];
@@ -195,7 +236,8 @@ fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, I
             let place = columns.iter().position(|column| column.name == name);
             let place = place.or_else(|| {
                 (columns.len() < MOST_COLUMNS).then(|| {
-                    let unit = if *joints && field.starts_with("position") { "m" } else { "" };
+                    let given = units.iter().find(|one| one.column == name).map(|one| one.unit.as_str());
+                    let unit = given.unwrap_or(if *joints && field.starts_with("position") { "m" } else { "" });
                     columns.push(SuggestedColumn::new(&name, unit));
                     columns.len() - 1
                 })

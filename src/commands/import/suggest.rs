@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use govtwin_bag::import::suggest::{SuggestedColumn, Suggestion, suggest};
-use govtwin_bag::import::{Map, SignalMap, map_text};
+use govtwin_bag::import::suggest::{Known, RelatedPair, SuggestedColumn, Suggestion, suggest};
+use govtwin_bag::import::{SignalMap, Target, map_text};
 use govtwin_files::{Place, place_of, read_text};
+use govtwin_model::number::significant;
 use govtwin_model::units::seconds_from_nanos;
 use govtwin_pages::import::{Guess, ImportView, page};
 use govtwin_pages::table::Table;
@@ -24,10 +25,10 @@ const PAGE: &str = "suggestion.html";
 const LARGEST_MAP_BYTES: u64 = 1 << 20;
 
 /// Looks through a file, writes map and page, and prints what was chosen and why.
-pub fn run(file: &Path, given: &Map, out: &Path, as_json: bool) -> anyhow::Result<Outcome> {
+pub fn run(file: &Path, known: &Known, out: &Path, as_json: bool) -> anyhow::Result<Outcome> {
     let mut output = Output::claim(out, &[MAP, PAGE])?;
     let progress = progress();
-    let suggestion = suggest(file, given, &mut |share| progress.at(share, "read"))?;
+    let suggestion = suggest(file, known, &mut |share| progress.at(share, "read"))?;
     drop(progress);
     if suggestion.map.signals.iter().all(|signal| signal.place().is_none()) {
         let names: Vec<String> =
@@ -61,12 +62,17 @@ pub fn run(file: &Path, given: &Map, out: &Path, as_json: bool) -> anyhow::Resul
             print(&format!("{}\n", one_line(note)))?;
         }
         print(&table_text(&table(&suggestion)))?;
+        if !suggestion.pairs.is_empty() {
+            print(&format!("By their courses alone:\n{}", table_text(&pairs(&suggestion))))?;
+        }
+        let (file, map) = (file.display(), map_path.display());
+        let is = |target: Target| suggestion.map.signals.iter().any(|signal| signal.target == target);
+        // Without a tank pressure the chain before the stage cannot be judged.
+        let stage = if is(Target::OpeningCommand) && !is(Target::TankPressure) { " --stage-alone" } else { "" };
         print(&format!(
-            "Map: {}\nPage: {}\nNext, once all open questions are answered: govtwin import {} --map {} --out BAG\n",
-            map_path.display(),
+            "Map: {map}\nPage: {}\nNext, once all open questions are answered: govtwin import {file} --map {map} --out BAG, or \
+             govtwin diagnose {file} --map {map}{stage}\n",
             page_path.display(),
-            file.display(),
-            map_path.display()
         ))?;
     }
     suggestion.open.iter().for_each(|open| warn(open));
@@ -107,6 +113,22 @@ fn table(suggestion: &Suggestion) -> Table {
     table
 }
 
+/// Which columns move which, whatever they are called.
+fn pairs(suggestion: &Suggestion) -> Table {
+    let mut table = Table::new()
+        .words("column")
+        .words("what it does")
+        .words("to")
+        .numbers("correlation")
+        .numbers("time constant, s");
+    for RelatedPair { position, other, what, correlation, settles_s } in &suggestion.pairs {
+        let [position, other] = [position, other].map(|column| place(suggestion, Some(*column)));
+        let settles = settles_s.map_or_else(|| "–".to_owned(), |settles_s| significant(settles_s, 3));
+        table.row([position, (*what).to_owned(), other, format!("{correlation:.3}"), settles]);
+    }
+    table
+}
+
 /// What the page shows.
 fn look(file: &Path, suggestion: &Suggestion, text: &str) -> ImportView {
     let begin_ns = suggestion
@@ -137,6 +159,7 @@ fn look(file: &Path, suggestion: &Suggestion, text: &str) -> ImportView {
         rows: suggestion.rows,
         chosen: chosen.collect(),
         unused: unused.collect(),
+        pairs: if suggestion.pairs.is_empty() { None } else { Some(pairs(suggestion)) },
         origin: origin::of(file),
         notes: suggestion.notes.clone(),
         open: suggestion.open.clone(),
@@ -153,10 +176,15 @@ fn figures(suggestion: &Suggestion) -> serde_json::Value {
         let [least, most] = column.range.ends();
         json!({"name": column.name, "unit": column.unit, "numbers": column.range.count, "texts": column.texts, "least": least, "most": most})
     });
+    let pairs = suggestion.pairs.iter().map(|pair| {
+        let [position, other] = [pair.position, pair.other].map(|column| &suggestion.columns[column].name);
+        json!({"position": position, "what": pair.what, "other": other, "correlation": pair.correlation, "time_constant_s": pair.settles_s})
+    });
     json!({
         "rows": suggestion.rows,
         "signals": reasons.collect::<Vec<_>>(),
         "columns": columns.collect::<Vec<_>>(),
+        "pairs": pairs.collect::<Vec<_>>(),
         "notes": suggestion.notes,
         "open": suggestion.open,
     })

@@ -115,7 +115,7 @@ fn usual(target: Target) -> &'static str {
 
 /// Sums for a correlation.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::import) struct CorrelationSums {
+struct CorrelationSums {
     n: f64,
     x: f64,
     y: f64,
@@ -125,7 +125,7 @@ pub(in crate::import) struct CorrelationSums {
 }
 
 impl CorrelationSums {
-    pub(in crate::import) fn take(&mut self, x: f64, y: f64) {
+    fn take(&mut self, x: f64, y: f64) {
         self.n += 1.0;
         // Running means, so that a pressure in Pa loses no digits.
         let (dx, dy) = (x - self.x, y - self.y);
@@ -137,7 +137,7 @@ impl CorrelationSums {
     }
 
     /// −1 to 1; 0 where too few pairs say it, or one side stands still.
-    pub(in crate::import) fn correlation(&self) -> f64 {
+    fn correlation(&self) -> f64 {
         let scale = (self.xx * self.yy).sqrt();
         if self.n >= FEWEST_PAIRS && scale > 0.0 { self.xy / scale } else { 0.0 }
     }

@@ -58,6 +58,16 @@ pub(super) struct Timing {
     pub(super) note: String,
 }
 
+/// Whether there is a column of time, by the map, by name or as the first that rises, or a rate in its place.
+pub(in crate::import) fn is_timed<R: TableRecords>(
+    head: &TableHead,
+    map: &Map,
+    open: &impl Fn() -> Result<R, ImportError>,
+) -> Result<bool, ImportError> {
+    let is_given = map.time.rate_hz.is_some() || !map.time.columns.is_empty();
+    Ok(is_given || !head.time_columns().is_empty() || rises(&mut open()?)?)
+}
+
 /// Finds the columns of time and how it is written.
 pub(super) fn timing<R: TableRecords>(
     head: &TableHead,

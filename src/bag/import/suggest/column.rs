@@ -8,8 +8,8 @@ use crate::import::source::channel::ChannelValue;
 
 /// Most buckets of an envelope; beyond, pairs become one.
 const MOST_BUCKETS: usize = 4096;
-/// Width of a bucket at first, ns.
-const FIRST_WIDTH_NS: i64 = 50_000_000;
+/// Width of a bucket at first, ns: less than between the rows of any recording.
+const FIRST_WIDTH_NS: i64 = 1000;
 /// So many different values or texts are kept.
 const MOST_DISTINCT: usize = 4;
 

@@ -5,21 +5,20 @@ use super::column::SuggestedColumn;
 use super::machines::machines;
 use super::names::score;
 use super::propose::{guessed_pressure, rounded, signal};
+use super::relations::{Relation, WEAKEST, pairs, relations};
+use super::trio::best_trio;
 use crate::import::convert::{is_travel, pressure, share};
-use crate::import::findings::CorrelationSums;
 use crate::import::map::{Map, SignalMap, SignalPlace};
 use crate::import::row::Target;
 
 /// A column with less evidence is not proposed.
-const ENOUGH: f64 = 2.0;
+pub(super) const ENOUGH: f64 = 2.0;
 /// Columns whose relations are looked at.
 const MOST_RELATED: usize = 40;
-/// What a perfect relation of spool and servomotor speed counts, and of command and servomotor.
-const RELATED: (f64, f64) = (5.0, 3.0);
-/// A weaker correlation is none.
-const WEAKEST: f64 = 0.4;
 /// A correlation that is weaker by less than this is as good.
 const RIVAL: f64 = 0.05;
+/// A column of two states drives a position from this correlation on, and where it changes so often.
+const TWO_STATES: (f64, u64) = (0.8, 4);
 /// Why a column was taken for a signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposed {
@@ -34,15 +33,7 @@ pub struct Proposed {
 }
 
 /// A column with its evidence and its reasons; none where none is good enough.
-type Choice = Option<(usize, f64, Vec<String>)>;
-
-/// How two columns hang together.
-struct Relations {
-    /// Correlation of the speed of the first with the second.
-    drives: Vec<Vec<f64>>,
-    /// Correlation of both.
-    alike: Vec<Vec<f64>>,
-}
+pub(super) type Choice = Option<(usize, f64, Vec<String>)>;
 
 /// Proposes a map; `fields` says that columns are fields of messages.
 pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) -> Suggestion {
@@ -72,7 +63,7 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
             Some((column, sum, why)) => {
                 let at = |wanted: usize| related.iter().position(|column| *column == wanted);
                 let drives = of(Target::ServomotorPosition)
-                    .and_then(|servomotor| Some(relations.drives[at(servomotor)?][at(*column)?]))
+                    .and_then(|servomotor| Some(relations[at(servomotor)?][at(*column)?].drives))
                     .unwrap_or(0.0);
                 let turned = target == Target::SpoolPosition && drives < -WEAKEST;
                 let signal = signal(target, &columns[*column], fields, turned, servomotor, &mut open);
@@ -83,7 +74,11 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
         }
     }
     open.extend(competing(&columns, &related, &relations, &chosen));
-    Suggestion { map, columns, reasons, notes: vec![], open, rows: 0 }
+    open.extend(by_course_alone(&columns, &chosen));
+    let (pairs, speed) =
+        pairs(&columns, &related, &relations, [of(Target::ServomotorPosition), of(Target::SpoolPosition)]);
+    open.extend(speed);
+    Suggestion { map, columns, reasons, pairs, notes: vec![], open, rows: 0 }
 }
 
 /// What speaks for each column as each signal.
@@ -97,7 +92,7 @@ const TIE: f64 = 0.5;
 struct Chosen {
     chosen: Vec<Choice>,
     related: Vec<usize>,
-    relations: Relations,
+    relations: Vec<Vec<Relation>>,
 }
 
 /// Chooses columns for the signals among those that are allowed.
@@ -107,14 +102,23 @@ fn choose(columns: &[SuggestedColumn], own: &Evidence, allowed: &dyn Fn(usize) -
     let trio = [Target::ServomotorPosition, Target::SpoolPosition, Target::OpeningCommand];
     let most = |column: &usize| trio.iter().map(|target| score(*column, *target)).fold(f64::NEG_INFINITY, f64::max);
     // A command may be one step.
-    let steps = |column: usize| !columns[column].is_switch() && score(column, Target::OpeningCommand) >= ENOUGH;
+    let steps = |column: usize| {
+        let one = &columns[column];
+        one.changes >= TWO_STATES.1 || (!one.is_switch() && score(column, Target::OpeningCommand) >= ENOUGH)
+    };
     let mut related: Vec<usize> = (0..columns.len())
         .filter(|&column| allowed(column) && columns[column].moves() && (!columns[column].is_binary() || steps(column)))
         .collect();
     related.sort_by(|a, b| most(b).total_cmp(&most(a)));
     related.truncate(MOST_RELATED);
     let relations = relations(columns, &related);
-    let best = best_trio(&related, &relations, &score);
+    // What a column of two states is called says nothing for a spool, and nothing against one.
+    let of_trio = |column: usize, target: Target| match target {
+        Target::SpoolPosition if columns[column].is_binary() => 0.0,
+        _ => score(column, target),
+    };
+    let may_drive = |column: usize, by: f64| !columns[column].is_binary() || by.abs() >= TWO_STATES.0;
+    let best = best_trio(&related, &relations, &of_trio, &may_drive);
     for (target, found) in trio.into_iter().zip(best) {
         let Some((at, sum, words)) = found else { continue };
         let mut why = own[related[at]][target.place()].1.clone();
@@ -138,17 +142,17 @@ fn choose(columns: &[SuggestedColumn], own: &Evidence, allowed: &dyn Fn(usize) -
 fn competing(
     columns: &[SuggestedColumn],
     related: &[usize],
-    relations: &Relations,
+    relations: &[Vec<Relation>],
     chosen: &[Choice],
 ) -> Option<String> {
     let of = |target: Target| chosen[target.place()].as_ref().map(|(column, ..)| *column);
     let (servomotor, spool) = (of(Target::ServomotorPosition)?, of(Target::SpoolPosition)?);
     let at = |wanted: usize| related.iter().position(|column| *column == wanted);
     let spool_at = at(spool)?;
-    let best = relations.drives[at(servomotor)?][spool_at].abs();
+    let best = relations[at(servomotor)?][spool_at].drives.abs();
     let taken = |column: usize| chosen.iter().flatten().any(|(known, ..)| *known == column);
     let alike = |&&column: &&usize| {
-        !taken(column) && at(column).is_some_and(|at| relations.drives[at][spool_at].abs() > best - RIVAL)
+        !taken(column) && at(column).is_some_and(|at| relations[at][spool_at].drives.abs() > best - RIVAL)
     };
     let names: Vec<String> =
         related.iter().filter(alike).map(|column| format!("`{}`", columns[*column].name)).collect();
@@ -159,6 +163,18 @@ fn competing(
             columns[servomotor].name
         )
     })
+}
+
+/// A command and its servomotor that no name and no unit speak for.
+fn by_course_alone(columns: &[SuggestedColumn], chosen: &[Choice]) -> Option<String> {
+    let of = |target: Target| chosen[target.place()].as_ref().map(|(column, ..)| *column);
+    let command =
+        of(Target::OpeningCommand).filter(|column| evidence(&columns[*column], Target::OpeningCommand).0 < ENOUGH)?;
+    Some(format!(
+        "opening_command: `{}` was chosen by its course alone, as `{}` comes after it; make sure that it is a command",
+        columns[command].name,
+        columns[of(Target::ServomotorPosition)?].name
+    ))
 }
 
 /// A signal that no column seems to hold.
@@ -225,90 +241,4 @@ fn evidence(column: &SuggestedColumn, target: Target) -> (f64, Vec<String>) {
         }
     }
     (sum, why)
-}
-
-/// Servomotor, spool and command that go together best; numbers are places in `related`.
-fn best_trio(related: &[usize], relations: &Relations, score: &dyn Fn(usize, Target) -> f64) -> [Choice; 3] {
-    let count = related.len();
-    let own = |at: usize, target: Target| score(related[at], target);
-    let strong = |value: f64| if value.abs() >= WEAKEST { value.abs() } else { 0.0 };
-    let drives = |servomotor: usize, spool: usize| RELATED.0 * strong(relations.drives[servomotor][spool]);
-    let alike = |servomotor: usize, command: usize| RELATED.1 * strong(relations.alike[servomotor][command].max(0.0));
-    let mut best: (f64, [Option<usize>; 3]) = (0.0, [None; 3]);
-    let with_none = || (0..count).map(Some).chain([None]);
-    for servomotor in with_none() {
-        for spool in with_none().filter(|spool| spool.is_none() || *spool != servomotor) {
-            for command in with_none().filter(|one| one.is_none() || (*one != servomotor && *one != spool)) {
-                let relation = servomotor.zip(spool).map_or(0.0, |(servomotor, spool)| drives(servomotor, spool));
-                let follows = servomotor.zip(command).map_or(0.0, |(servomotor, command)| alike(servomotor, command));
-                let name = |at: Option<usize>, target: Target| at.map_or(0.0, |at| own(at, target));
-                // Each must be worth its place: by its name, or by what it has to do with the servomotor. Nobody takes a
-                // command by its shape alone: much goes with an opening.
-                let worth = |at: Option<usize>, sum: f64| at.is_none() || sum >= ENOUGH;
-                let sums = [
-                    name(servomotor, Target::ServomotorPosition) + relation,
-                    name(spool, Target::SpoolPosition) + relation,
-                    name(command, Target::OpeningCommand),
-                ];
-                let total = sums[0] + name(spool, Target::SpoolPosition) + sums[2] + follows;
-                let fits = worth(servomotor, sums[0]) && worth(spool, sums[1]) && worth(command, sums[2]);
-                if fits && total > best.0 {
-                    best = (total, [servomotor, spool, command]);
-                }
-            }
-        }
-    }
-    let [servomotor, spool, command] = best.1;
-    let relation =
-        |words: &str, value: f64| (value.abs() >= WEAKEST).then(|| format!("{words} (correlation {value:.2})"));
-    let driven = servomotor.zip(spool).map(|(servomotor, spool)| relations.drives[servomotor][spool]);
-    let follows = servomotor.zip(command).map(|(servomotor, command)| relations.alike[servomotor][command]);
-    let driven_words = driven.and_then(|value| relation("spool and speed of the servomotor go together", value));
-    let follow_words = follows.and_then(|value| relation("the servomotor follows it", value));
-    let choice = |at: Option<usize>, target: Target, more: f64, words: Option<String>| {
-        at.map(|at| (at, own(at, target) + more, words.into_iter().collect()))
-    };
-    let by_drive = servomotor.zip(spool).map_or(0.0, |(servomotor, spool)| drives(servomotor, spool));
-    let by_follow = servomotor.zip(command).map_or(0.0, |(servomotor, command)| alike(servomotor, command));
-    [
-        choice(servomotor, Target::ServomotorPosition, by_drive, driven_words.clone()),
-        choice(spool, Target::SpoolPosition, by_drive, driven_words),
-        choice(command, Target::OpeningCommand, by_follow, follow_words),
-    ]
-}
-
-/// Correlations of all pairs over buckets of one width.
-fn relations(columns: &[SuggestedColumn], related: &[usize]) -> Relations {
-    let widest = related.iter().map(|column| columns[*column].envelope.width_ns()).max().unwrap_or(0);
-    let envelopes: Vec<_> = related
-        .iter()
-        .map(|column| {
-            let mut envelope = columns[*column].envelope.clone();
-            while envelope.width_ns() < widest {
-                envelope.widen();
-            }
-            envelope
-        })
-        .collect();
-    let pairs = |first: usize, second: usize| {
-        let (mut drives, mut alike) = (CorrelationSums::default(), CorrelationSums::default());
-        let (from, to) = envelopes[first].span();
-        for at in from..to {
-            let (Some(value), Some(other)) = (envelopes[first].mean_at(at), envelopes[second].mean_at(at)) else {
-                continue;
-            };
-            alike.take(value, other);
-            // The speed over two widths is that of the bucket between.
-            if let (Some(before), Some(after)) = (envelopes[first].mean_at(at - 1), envelopes[first].mean_at(at + 1)) {
-                drives.take(after - before, other);
-            }
-        }
-        (drives.correlation(), alike.correlation())
-    };
-    let all: Vec<Vec<(f64, f64)>> =
-        (0..related.len()).map(|first| (0..related.len()).map(|second| pairs(first, second)).collect()).collect();
-    Relations {
-        drives: all.iter().map(|row| row.iter().map(|pair| pair.0).collect()).collect(),
-        alike: all.iter().map(|row| row.iter().map(|pair| pair.1).collect()).collect(),
-    }
 }
