@@ -169,7 +169,7 @@ fn given(said: &Diagnosis) -> &ComparedModel {
     } else {
         blamed.first().copied().unwrap_or_default().to_owned()
     };
-    let plain = part.plain_wins.as_deref().and_then(of);
+    let plain = part.plain_wins.as_deref().or(part.plain_as_good.as_deref()).and_then(of);
     plain.or_else(|| of(&named)).or_else(|| of("")).unwrap()
 }
 

@@ -288,9 +288,10 @@ pub(crate) fn describe(
         });
     let foreign = foreign(stage);
     let plain_wins = compared.winner().map(|plain| plain.model.clone());
+    let model = claimed.unwrap_or_else(|| found.refitted());
+    let plain_as_good = compared.as_good(&model.ids().join(" + ")).map(|plain| plain.model.clone());
     // Figures of a law that was just refused would be believed.
     let refused = foreign.is_some() || compared.settles();
-    let model = claimed.unwrap_or_else(|| found.refitted());
     let figures = || {
         if ready.setup != Setup::StageFree {
             return stage_figures(model, &stage.law, &ready.recordings);
@@ -308,6 +309,7 @@ pub(crate) fn describe(
         free_run_s: compared.free_run_s,
         models: compared.models,
         plain_wins,
+        plain_as_good,
         driven_by: compared.drive.to_owned(),
     }
 }

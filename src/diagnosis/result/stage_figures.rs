@@ -91,6 +91,9 @@ pub struct StageOnly {
     /// The plain model that predicts better than any twin; none where none does.
     #[serde(default)]
     pub plain_wins: Option<String>,
+    /// The plain model of the stage's own law that errs less than the twin of the verdict, though what differs between pieces may be chance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plain_as_good: Option<String>,
     /// What drives the plain models: spool or command.
     #[serde(default)]
     pub driven_by: String,

@@ -135,6 +135,20 @@ impl Compared {
         twins().all(|twin| wins(plain, twin)).then_some(plain).filter(|_| best(false).is_some())
     }
 
+    /// The plain model of the stage's own law that errs less than the twin with these effects, where none wins: what differs between pieces may be chance.
+    pub(crate) fn as_good(&self, effects: &str) -> Option<&ComparedModel> {
+        if self.winner().is_some() {
+            return None;
+        }
+        let twin = self.models.iter().find(|model| !model.is_plain && model.model == effects)?;
+        let own = |model: &&ComparedModel| {
+            model.is_plain && PlainKind::titled(&model.model).is_some_and(|kind| !kind.settles())
+        };
+        let plain = self.models.iter().filter(own).min_by(|a, b| a.held_out.total_cmp(&b.held_out))?;
+        let in_both = (0..2).all(|half| plain.halves[half] < CLEARLY * twin.halves[half]);
+        (in_both && CLEARLY * plain.held_out < twin.held_out).then_some(plain)
+    }
+
     /// Whether a model wins whose position settles, which a servomotor's does not.
     pub(crate) fn settles(&self) -> bool {
         self.winner().and_then(|plain| PlainKind::titled(&plain.model)).is_some_and(PlainKind::settles)
@@ -299,6 +313,21 @@ mod tests {
         assert!(!winner([0.5, 0.5, 0.5, 2.5, 2.5, 2.5]));
         assert!(!winner([2.0, 0.1, 1.9, 2.1, 2.2, 2.1]));
         assert!(compared(twins()).winner().is_none(), "nothing plain was run");
+    }
+
+    #[test]
+    fn a_plain_model_of_the_stages_own_law_is_given_where_it_errs_less() {
+        let twin = [3.0, 0.9, 1.0, 1.1, 0.9, 3.0];
+        let given = |kind: PlainKind, pieces: [f64; 6]| {
+            let models = vec![model("load", false, twin), model(kind.title(), true, pieces)];
+            compared(models).as_good("load").is_some()
+        };
+        let less = [1.0, 1.0, 1.1, 1.0, 1.0, 1.0];
+        assert!(given(PlainKind::DeadZone, less), "too uneven to win, but less in all");
+        assert!(!given(PlainKind::Lag, less), "another law");
+        assert!(!given(PlainKind::DeadZone, twin) && !given(PlainKind::DeadZone, [0.1, 0.1, 0.1, 3.1, 3.1, 3.1]));
+        let outright = vec![model("load", false, [3.0; 6]), model("integrator", true, [1.0, 1.1, 0.9, 1.0, 1.1, 0.9])];
+        assert!(compared(outright).as_good("load").is_none(), "it wins");
     }
 
     #[test]

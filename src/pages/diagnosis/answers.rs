@@ -1,6 +1,6 @@
 //! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how large the error is and how much of it is explained, what to do next.
 
-use crate::diagnosis::stage::{fitted_stage, plain_wins};
+use crate::diagnosis::stage::{beside_plain, fitted_stage, plain_as_good, plain_wins, sound_stage};
 use crate::diagnosis::{claims, next_test, traces};
 use govtwin_diagnosis::result::{Diagnosis, Fitted, Setup, Verdict};
 use govtwin_diagnosis::words::{
@@ -48,9 +48,9 @@ pub fn is_alone(diagnosis: &Diagnosis) -> bool {
     diagnosis.part.is_none() && diagnosis.traces.len() == 1
 }
 
-/// The first paragraphs: what to take away, and before it the plain model that predicts better, where one does.
+/// The first paragraphs: what to take away; before it the plain model that predicts better, or after it the one that tells the same, where one does.
 pub fn leads(diagnosis: &Diagnosis) -> Vec<String> {
-    plain_wins(diagnosis).into_iter().chain([lead(diagnosis)]).collect()
+    plain_wins(diagnosis).into_iter().chain([lead(diagnosis)]).chain(plain_as_good(diagnosis)).collect()
 }
 
 /// The one sentence or two to take away.
@@ -69,8 +69,8 @@ fn lead(diagnosis: &Diagnosis) -> String {
             let names: Vec<String> = competing.iter().map(|one| id_words(&one.id)).collect();
             format!("{}; these recordings cannot distinguish them.", capital(&listed(&names, "or")))
         }
-        (Verdict::Unknown, _) => unknown(diagnosis),
-        (Verdict::NoGap, _) => no_gap(diagnosis),
+        (Verdict::Unknown, _) => beside_plain(diagnosis).unwrap_or_else(|| unknown(diagnosis)),
+        (Verdict::NoGap, _) => sound_stage(diagnosis).map_or_else(|| no_gap(diagnosis), |words| words + &left(diagnosis)),
         (Verdict::NotExcited, _) => {
             "These recordings do not move the unit enough for a verdict: most faults would not show in them even at three times \
              a moderate size."

@@ -1,6 +1,8 @@
 //! What was fitted of a servomotor stage alone, and what plain models make of it, in words.
 
-use govtwin_diagnosis::result::{ComparedModel, Diagnosis, Interval, ModelParameter, StageFigure, StageOnly};
+use govtwin_diagnosis::result::{
+    ComparedModel, Diagnosis, Interval, ModelParameter, Setup, StageFigure, StageOnly, Verdict,
+};
 use govtwin_diagnosis::words::id_words;
 use govtwin_model::number::significant;
 
@@ -22,13 +24,48 @@ pub fn figure_text(one: &StageFigure) -> String {
 /// The plain model that predicts better than the twin, as an engineer would state it; none where none does.
 pub fn plain_wins(diagnosis: &Diagnosis) -> Option<String> {
     let part = diagnosis.part.as_ref()?;
-    let plain = part.models.iter().find(|model| model.is_plain && Some(&model.model) == part.plain_wins.as_ref())?;
     let twins = part.models.iter().filter(|model| !model.is_plain);
     let twin = twins.min_by(|a, b| a.held_out.total_cmp(&b.held_out))?;
+    plain_beside(part, part.plain_wins.as_ref()?, twin, "A plain model predicts better than the twin.")
+}
+
+/// What is left to say beside a plain model that wins, where nothing is named; none where none wins.
+pub fn beside_plain(diagnosis: &Diagnosis) -> Option<String> {
+    diagnosis.part.as_ref()?.plain_wins.as_ref()?;
+    Some("No fault is named: the catalogue's stage explains the movement less well than that.".to_owned())
+}
+
+/// A stage without a fault, of which nothing was known before, and its dead band; none with a data sheet, which may be off.
+pub fn sound_stage(diagnosis: &Diagnosis) -> Option<String> {
+    if diagnosis.setup != Setup::StageFree {
+        return None;
+    }
+    let figures = diagnosis.part.iter().flat_map(|part| &part.figures);
+    let band = figures.filter(|one| one.id == "dead_band");
+    let band: String = band.map(|one| format!(", with a dead band of {},", figure_text(one))).collect();
+    Some(format!("No fault found: a stage that is equal in both directions{band} explains the movement."))
+}
+
+/// The plain model of the stage's own law that errs less than the twin of the verdict; none where there is none.
+pub fn plain_as_good(diagnosis: &Diagnosis) -> Option<String> {
+    let part = diagnosis.part.as_ref()?;
+    let blamed: Vec<&str> = diagnosis.blamed.iter().map(|one| one.id.as_str()).collect();
+    let effects = match diagnosis.verdict {
+        Verdict::Named => blamed.join(" + "),
+        Verdict::Class => blamed.first().copied().unwrap_or_default().to_owned(),
+        _ => String::new(),
+    };
+    let twin = part.models.iter().find(|model| !model.is_plain && model.model == effects)?;
+    plain_beside(part, part.plain_as_good.as_ref()?, twin, "The same law more plainly, predicting no worse.")
+}
+
+/// A plain model beside a twin, after a first sentence.
+fn plain_beside(part: &StageOnly, name: &str, twin: &ComparedModel, first: &str) -> Option<String> {
+    let plain = part.models.iter().find(|model| model.is_plain && model.model == name)?;
     let told = settling(part, plain).unwrap_or_else(|| format!("{}: {}.", plain.model, parameter_text(plain)));
     let [ours, theirs] = [plain, twin].map(|model| significant(100.0 * model.held_out, 3));
     Some(format!(
-        "A plain model predicts better than the twin. {} In free runs of {} s over held-out pieces its RMS error is {ours} % of the stroke, that of the \
+        "{first} {} In free runs of {} s over held-out pieces its RMS error is {ours} % of the stroke, that of the \
          stage ({}) {theirs} %.",
         govtwin_diagnosis::words::capital(&told),
         significant(part.free_run_s, 3),

@@ -15,6 +15,7 @@ use govtwin_model::recording::Process;
 use govtwin_model::signal::Signal;
 
 mod findings;
+mod plain;
 mod read_back;
 
 fn play() -> Fitted {

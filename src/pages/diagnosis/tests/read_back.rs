@@ -45,6 +45,7 @@ fn a_report_reads_back_as_it_was_written_and_makes_the_same_page() {
                 pieces: vec![1e-3, 2e-3],
             }],
             plain_wins: Some("set point with lag".into()),
+            plain_as_good: Some("integrator".into()),
             driven_by: "command".into(),
         });
         let mut report = DiagnosisReport::of(&diagnosis, 1.5);
