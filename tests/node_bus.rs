@@ -6,14 +6,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use govtwin_bag::cdr;
-use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
+use govtwin_bag::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
 use govtwin_model::params;
 use govtwin_node::arguments::Arguments;
 use govtwin_node::bus::Bus;
 use govtwin_node::core::NodeInput;
 use govtwin_node::environment::Environment;
 use govtwin_node::intake::Refusal;
-use govtwin_node::live::{self, RunOptions};
+use govtwin_node::live::{self, NodeResidual, RunOptions};
 use govtwin_node::player::tape::Tape;
 use govtwin_node::player::{PlayOptions, Player, Stamps};
 use govtwin_node::realtime::{Wishes, wall_ns};
@@ -39,7 +39,7 @@ fn options(environment: &Environment, words: &[&str]) -> RunOptions {
         environment: environment.clone(),
         unit: params::reference(),
         map: None,
-        residual: None,
+        residual: NodeResidual::None,
         adapt: false,
         settings: NodeSettings { wishes: Wishes::default(), ..NodeSettings::default() },
         read_only: false,
@@ -240,5 +240,52 @@ fn a_clock_that_waits_for_what_is_played_before_it_brings_no_command_late_on_a_b
             taken == opening && (0..=2_000_000).contains(&delay_ns),
             "{opening} at {sent_ns}, {taken} at {used_ns}"
         );
+    }
+}
+
+#[test]
+fn a_clock_is_followed_whether_it_is_published_reliably_or_best_effort_and_so_is_the_shipped_residual() {
+    for reliability in ["reliable", "best_effort"] {
+        let environment = environment();
+        let options =
+            RunOptions { residual: NodeResidual::Shipped, ..options(&environment, &["-p", "use_sim_time:=true"]) };
+        let words = ["-p".to_owned(), format!("qos_overrides./clock.publisher.reliability:={reliability}")];
+        let mut peer = Bus::open(&environment, Arguments::parse(&words, "simulator").unwrap()).unwrap();
+        let clock = peer.publish("/clock", Clock::TYPE_NAME).unwrap();
+        let command = peer.publish("/governor/command", GovernorCommand::TYPE_NAME).unwrap();
+        let esv = peer.publish("/governor/esv", EsvState::TYPE_NAME).unwrap();
+        let pressure = peer.publish("/governor/tank_pressure", FluidPressure::TYPE_NAME).unwrap();
+        let states = peer.subscribe::<ServoState>("/sim/servo_state").unwrap();
+        let corrected = peer.subscribe::<ServoState>("/sim/corrected/servo_state").unwrap();
+        let stop = AtomicBool::new(false);
+        let said = std::thread::scope(|scope| {
+            let node = scope.spawn(|| {
+                let mut said = Vec::new();
+                live::run(&options, &stop, &mut |_, words| said.push(words.to_owned())).unwrap();
+                said
+            });
+            wait_for("the node follows the clock", || peer.readers_of("/clock") > 0);
+            let (mut time_ns, mut newest) = (1_000_000_000_000, [0, 0]);
+            wait_for(reliability, || {
+                let header = Header::at(time_ns);
+                command.publish(GovernorCommand { header: header.clone(), opening: 0.4 }).unwrap();
+                esv.publish(EsvState { header: header.clone(), state: EsvState::NORMAL }).unwrap();
+                pressure
+                    .publish(FluidPressure { header: header.clone(), fluid_pressure: 6.3e6, variance: 0.0 })
+                    .unwrap();
+                clock.publish(Clock { clock: header.stamp }).unwrap();
+                time_ns += 10_000_000;
+                for (heard, newest) in [&states, &corrected].into_iter().zip(&mut newest) {
+                    while let Ok(Some((state, _))) = heard.take() {
+                        *newest = state.header.stamp.nanos().unwrap();
+                    }
+                }
+                newest.iter().all(|newest_ns| *newest_ns > 1_001_000_000_000)
+            });
+            stop.store(true, Ordering::Relaxed);
+            node.join().unwrap()
+        });
+        let told = said.iter().filter(|words| words.contains("reference_unit.residual (shipped)")).count();
+        assert_eq!(told, 1, "{said:?}");
     }
 }

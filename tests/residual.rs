@@ -150,7 +150,8 @@ fn the_node_corrects_in_the_same_step_as_a_replay_would() {
     use govtwin_correction::corrector::Corrector;
     use govtwin_model::frame::EsvState;
     use govtwin_model::twin::Twin;
-    use govtwin_node::core::{Core, InputEvent, OnStale, Policy};
+    use govtwin_node::core::{Core, InputEvent, Notices, OnStale, Policy};
+    use govtwin_node::refit::Refit;
 
     const MS: i64 = 1_000_000;
     let unit = params::reference();
@@ -172,4 +173,10 @@ fn the_node_corrects_in_the_same_step_as_a_replay_would() {
         assert_eq!(correction.half_width, 0.02);
         assert_eq!(correction, offline.step(&tick.frame, &twin.step(&tick.frame)));
     }
+    // It is of the unit as it was, and ends with it.
+    let mut changed = unit;
+    changed.parameters.servomotor.load_closed_n += 1e5;
+    core.refit(&mut Refit::new(&changed));
+    let tick = core.tick(800 * MS, 800 * MS);
+    assert!(tick.estimate.is_some() && tick.correction.is_none() && tick.notices.has(Notices::UNCORRECTED));
 }

@@ -12,7 +12,7 @@ use govtwin_model::twin::Twin;
 use govtwin_node::arguments::Arguments;
 use govtwin_node::bus_map::InputNames;
 use govtwin_node::core::{NodeInput, OnStale};
-use govtwin_node::live::{self, RunEnd, RunOptions};
+use govtwin_node::live::{self, NodeResidual, RunEnd, RunOptions};
 use govtwin_node::realtime::Wishes;
 use govtwin_node::settings::{InputSettings, NodeSettings};
 use serde_json::json;
@@ -55,10 +55,12 @@ pub struct Args {
     /// Integration threads, over which the units of --unit are distributed.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64), requires = "units")]
     threads: u8,
-    /// Correct the twin with this residual model of `govtwin train`.
+    /// Correct the twin with this residual model of `govtwin train`, or `none`; without it, with the shipped model if the
+    /// sheet is that of the shipped reference unit.
     ///
     /// The corrected state is published on `sim/corrected/servo_state`, and the limits of its band on
-    /// `sim/corrected/lower` and `sim/corrected/upper`, in addition to `sim/servo_state`.
+    /// `sim/corrected/lower` and `sim/corrected/upper`, in addition to `sim/servo_state`. A parameter of the unit that
+    /// changes while the node runs ends the correction. Units of --unit are not corrected.
     #[arg(long, value_name = "MODEL")]
     residual: Option<PathBuf>,
     /// Adapt the residual model to a unit that ages.
@@ -198,7 +200,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             arguments,
             map: map.clone(),
             unit: unit(params)?,
-            residual: args.residual.as_deref().map(model::load).transpose()?,
+            residual: residual(args)?,
             adapt: args.adapt,
             settings,
             read_only: args.read_only,
@@ -258,6 +260,19 @@ fn unit(params: Option<&Path>) -> anyhow::Result<Unit> {
         );
     }
     Ok(unit)
+}
+
+/// The learned residual: of one unit, the shipped one by default.
+fn residual(args: &Args) -> anyhow::Result<NodeResidual> {
+    match &args.residual {
+        Some(path) if model::is_none(path) && args.adapt => {
+            Err(usage("--adapt needs a residual; found --residual none"))
+        }
+        Some(path) if model::is_none(path) => Ok(NodeResidual::None),
+        Some(path) => Ok(NodeResidual::Given(Box::new(model::load(path)?))),
+        None if args.units.is_empty() => Ok(NodeResidual::Shipped),
+        None => Ok(NodeResidual::None),
+    }
 }
 
 /// Names and parameter files of several units.

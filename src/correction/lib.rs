@@ -25,6 +25,7 @@ pub mod reach;
 pub mod row;
 #[cfg(feature = "residual")]
 pub mod search;
+pub mod shipped;
 pub mod split;
 pub mod table;
 #[cfg(feature = "residual")]

@@ -148,7 +148,7 @@ impl Core {
     /// The same for a unit that may be exchanged for another.
     #[must_use]
     pub fn of_refit(refit: Refit, policies: impl Into<Policies>) -> Self {
-        let Refit { twin, strokes_m, tank_pressure_pa } = refit;
+        let Refit { twin, strokes_m, tank_pressure_pa, .. } = refit;
         Self { strokes_m, ..Self::new(twin, policies, tank_pressure_pa) }
     }
 
@@ -268,9 +268,13 @@ impl Core {
         self.pending.add(Notices::RESTARTED);
     }
 
-    /// Goes on with another twin from where this one is, and leaves this one in `refit`.
+    /// Goes on with another twin from where this one is, and leaves this one in `refit`, with the learned residual, which was of its unit.
     pub fn refit(&mut self, refit: &mut Refit) {
         self.twin.go_on_as(&mut refit.twin);
+        refit.corrector = self.corrector.take();
+        if refit.corrector.is_some() {
+            self.pending.add(Notices::UNCORRECTED);
+        }
         std::mem::swap(&mut self.strokes_m, &mut refit.strokes_m);
         self.pending.add(Notices::REFITTED);
     }

@@ -60,7 +60,7 @@ pub struct RunOptions {
     /// The unit to simulate.
     pub unit: Unit,
     /// A learned residual of that unit's twin.
-    pub residual: Option<Model>,
+    pub residual: NodeResidual,
     /// Whether it adapts to drift, by what `plant/servo_state` says, or the map.
     pub adapt: bool,
     /// Settings before `--ros-args`.
@@ -73,6 +73,18 @@ pub struct RunOptions {
     pub duration: Option<Duration>,
     /// Folder of the bag to write.
     pub bag: Option<PathBuf>,
+}
+
+/// Where a node's learned residual comes from.
+#[derive(Debug, Clone, Default)]
+pub enum NodeResidual {
+    /// Nothing is corrected.
+    #[default]
+    None,
+    /// The shipped one, if it is of the unit with the parameters behind `--ros-args`.
+    Shipped,
+    /// This one, which must be of the unit.
+    Given(Box<Model>),
 }
 
 /// How a run ended.
@@ -145,7 +157,7 @@ pub fn run_together(
     let tell = |level, words: &str| (say.borrow_mut())(level, words);
     let (mut outlets, mut loops, mut hearers, mut supervisors) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (((station, parts), journal), replies) in stations.iter().zip(parts).zip(journals).zip(&replies) {
-        let Parts { health, store, allowed, fixed_unit, integrator, ends, subscriber, opened, names } = parts;
+        let Parts { health, store, allowed, integrator, ends, subscriber, opened, names } = parts;
         let Ends { events, refits, retired, outputs, answers } = ends;
         let (node_events, heard) = way();
         let action = station.subscriptions.action();
@@ -163,7 +175,7 @@ pub fn run_together(
         supervisors.push(Supervisor::new(station, heard, state, (prefix, names.clone(), subscriber), &tell));
         let ways = (events, refits, retired);
         let mapped = (names, opened);
-        hearers.push(Hearer { station, replies, store, allowed, fixed_unit, node_events, ways, mapped });
+        hearers.push(Hearer { station, replies, store, allowed, node_events, ways, mapped });
     }
 
     let share = loops.len().div_ceil(threads.max(1));
@@ -278,7 +290,6 @@ struct Hearer<'a, 'p> {
     replies: &'a Replies<'p>,
     store: ParameterStore,
     allowed: AllowList,
-    fixed_unit: Option<&'static str>,
     node_events: Teller,
     ways: Ways,
     mapped: (InputNames, Option<UnboundedReceiver<OpenedTopic>>),
@@ -297,7 +308,7 @@ struct UnitHearing<'a, 'p> {
 
 impl<'a, 'p> Hearer<'a, 'p> {
     fn into_hearing(self, stepper: &Thread, (layout, read_only): (ServiceMapping, bool)) -> UnitHearing<'a, 'p> {
-        let Self { station, replies, store, allowed, fixed_unit, node_events, ways, mapped: (names, opened) } = self;
+        let Self { station, replies, store, allowed, node_events, ways, mapped: (names, opened) } = self;
         let (events, refits, retired) = ways;
         let integrator = Loop { events, refits, retired, thread: stepper.clone() };
         let commanders = Rc::new(Commanders::new(allowed, station.subscriptions.graph(), &station.health));
@@ -306,7 +317,6 @@ impl<'a, 'p> Hearer<'a, 'p> {
             Listener::new(&station.bus, integrator, node_events, &station.counts, shared, Rc::clone(&commanders))
                 .with_map(names, opened);
         let mut services = ServiceContext::new(store, layout, &station.least);
-        services.fixed_unit = fixed_unit;
         services.read_only = read_only;
         services.commanders = Some(commanders);
         UnitHearing { station, replies, listener, services }

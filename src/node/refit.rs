@@ -1,5 +1,6 @@
 //! Another unit for a running twin: built by a thread that may take memory, taken over between two ticks by one that may not.
 
+use govtwin_correction::corrector::Corrector;
 use govtwin_model::effects;
 use govtwin_model::parameters::Unit;
 use govtwin_model::plant::Plant;
@@ -15,6 +16,8 @@ pub struct Refit {
     pub strokes_m: [f64; 2],
     /// The sheet's tank pressure, Pa gauge.
     pub tank_pressure_pa: f64,
+    /// The learned residual of the unit that was left, which ends with it.
+    pub corrector: Option<Corrector>,
 }
 
 impl Refit {
@@ -27,7 +30,7 @@ impl Refit {
         let tank_pressure_pa = parameters.oil.tank_pressure_pa;
         let twin = Twin::of_plant(plant, tank_pressure_pa, Method::default());
         let strokes_m = [parameters.distributing_valve.reference_stroke_m, parameters.servomotor.stroke_m];
-        Self { twin, strokes_m, tank_pressure_pa }
+        Self { twin, strokes_m, tank_pressure_pa, corrector: None }
     }
 }
 

@@ -37,6 +37,10 @@ fn of_tick(notices: Notices, settings: &NodeSettings, labels: &[String; NodeInpu
         let words = "the changed unit took hold between two ticks; a bag does not replay across such a change";
         said.push((LogLevel::Info, words.to_owned()));
     }
+    if notices.has(Notices::UNCORRECTED) {
+        let words = "the learned residual is of the unit as it was, and ended with it: sim/corrected/* fall silent";
+        said.push((LogLevel::Warn, words.to_owned()));
+    }
     for input in NodeInput::ALL {
         let topic = &labels[input as usize];
         let policy = settings.policies().rules[input as usize].policy;

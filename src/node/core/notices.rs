@@ -21,6 +21,8 @@ impl Notices {
     pub const RESTARTED: Self = Self(1 << 29);
     /// The unit's parameters or effects changed between two ticks.
     pub const REFITTED: Self = Self(1 << 30);
+    /// With it ended the learned residual, which is of the unit as it was.
+    pub const UNCORRECTED: Self = Self(1 << 31);
 
     /// This input became stale.
     #[must_use]

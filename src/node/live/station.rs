@@ -27,17 +27,14 @@ use super::super::publishers::Publishers;
 use super::super::refit::Refit;
 use super::super::settings::NodeSettings;
 use super::super::{qos, startup};
-use super::{NodeError, RunOptions, Say};
+use super::{NodeError, NodeResidual, RunOptions, Say};
 use govtwin_correction::corrector::Corrector;
-use govtwin_correction::model::ModelError;
+use govtwin_correction::model::{Model, ModelError};
 use govtwin_correction::rate;
 use govtwin_correction::row::Opening;
+use govtwin_correction::shipped;
 use govtwin_model::parameters::Unit;
 use govtwin_model::units::nanos_from_seconds;
-
-/// Why a unit with a learned residual cannot be changed while the node runs.
-const FIXED_UNIT: &str =
-    "a learned residual is of the unit as it was at start: start anew with the changed unit, or without --residual";
 
 /// What the threads share of a unit.
 pub(super) struct Station {
@@ -57,7 +54,6 @@ pub(super) struct Parts {
     pub(super) health: Publisher<DiagnosticArray>,
     pub(super) store: ParameterStore,
     pub(super) allowed: AllowList,
-    pub(super) fixed_unit: Option<&'static str>,
     pub(super) integrator: Integrator,
     pub(super) ends: Ends,
     pub(super) subscriber: Option<MapSubscriber>,
@@ -75,10 +71,7 @@ impl Station {
             _ => String::new(),
         };
         let allowed = AllowList::parse(&commanders).map_err(NodeError::Parameter)?;
-        let corrector = corrector(options, &unit, settings.rate_hz)?;
-        if let Some(model) = &options.residual {
-            say(LogLevel::Info, &format!("the residual was {}", rate::assumed(model)));
-        }
+        let corrector = corrector(options, &unit, settings.rate_hz, say)?;
         if beside.is_some() && settings.publish_clock {
             let words = "publish_clock:=true: several units of one process would tell several clocks; leave it out";
             return Err(NodeError::Parameter(words.to_owned()));
@@ -118,7 +111,6 @@ impl Station {
         };
         let publishers = Publishers::open(&mut bus, corrector.as_ref().map(Corrector::signal), settings.publish_clock)?;
         let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME)?;
-        let fixed_unit = corrector.is_some().then_some(FIXED_UNIT);
         let core = Core::of_refit(Refit::new(&unit), settings.policies())
             .with_corrector(corrector)
             .latching(settings.latch_trip);
@@ -135,7 +127,7 @@ impl Station {
             counts: Mutex::default(),
         };
         let names = InputNames::new(options.map.as_ref());
-        Ok((station, Parts { health, store, allowed, fixed_unit, integrator, ends, subscriber, opened, names }))
+        Ok((station, Parts { health, store, allowed, integrator, ends, subscriber, opened, names }))
     }
 
     /// The state in which its simulation begins.
@@ -150,14 +142,37 @@ impl Station {
 }
 
 /// The learned residual, where there is one and it is of this unit.
-fn corrector(options: &RunOptions, unit: &Unit, rate_hz: f64) -> Result<Option<Corrector>, ModelError> {
-    let corrector = options.residual.as_ref().map(|model| {
+fn corrector(options: &RunOptions, unit: &Unit, rate_hz: f64, say: Say<'_>) -> Result<Option<Corrector>, ModelError> {
+    let ready = |model: &Model| {
         model.check(unit, Opening::Simulated)?;
         rate::check_spacing(model, nanos_from_seconds(1.0 / rate_hz))?;
         let corrector = Corrector::new(model)?;
         if options.adapt { corrector.adapting(model) } else { Ok(corrector) }
-    });
-    corrector.transpose()
+    };
+    match &options.residual {
+        NodeResidual::None => Ok(None),
+        NodeResidual::Given(model) => {
+            let corrector = ready(model)?;
+            say(LogLevel::Info, &format!("the residual was {}", rate::assumed(model)));
+            Ok(Some(corrector))
+        }
+        NodeResidual::Shipped => {
+            let Some(model) = shipped::of(unit) else { return Ok(None) };
+            let name = shipped::NAME;
+            let (corrector, words) = match ready(&model) {
+                Ok(corrector) => {
+                    let assumed = rate::assumed(&model);
+                    (
+                        Some(corrector),
+                        format!("sim/corrected/servo_state by {name}, `--residual none` for none; {assumed}"),
+                    )
+                }
+                Err(error) => (None, format!("{name} is not used: {error}")),
+            };
+            say(LogLevel::Info, &words);
+            Ok(corrector)
+        }
+    }
 }
 
 /// The node's parameters with what was given at start.
@@ -217,7 +232,7 @@ mod tests {
     use super::super::super::arguments::Arguments;
     use super::super::super::environment::Environment;
     use super::super::run;
-    use super::{NodeError, NodeSettings, RunOptions};
+    use super::{NodeError, NodeResidual, NodeSettings, RunOptions};
 
     #[test]
     fn a_unit_that_a_file_may_not_describe_does_not_run_either() {
@@ -227,7 +242,7 @@ mod tests {
             arguments: Arguments::parse(&words, "govtwin").unwrap(),
             map: None,
             unit: govtwin_model::params::reference(),
-            residual: None,
+            residual: NodeResidual::None,
             adapt: false,
             settings: NodeSettings::default(),
             read_only: false,
