@@ -37,6 +37,19 @@ pub struct DiagnosticStatus {
     pub values: Vec<KeyValue>,
 }
 
+impl DiagnosticStatus {
+    /// The state of a node's part.
+    pub(super) fn new(node: &str, part: &str, level: u8, message: String, values: Vec<(&str, String)>) -> Self {
+        Self {
+            level,
+            name: format!("{node}: {part}"),
+            message,
+            hardware_id: String::new(),
+            values: values.into_iter().map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect(),
+        }
+    }
+}
+
 /// `diagnostic_msgs/msg/DiagnosticArray`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DiagnosticArray {
@@ -75,10 +88,8 @@ pub fn compile(
 ) -> DiagnosticArray {
     let TimeKeeping { state, clock, bag, health } = course;
     let mut status = Vec::new();
-    let key_value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
     let mut add = |part: &str, level, message: String, values| {
-        let name = format!("{node}: {part}");
-        status.push(DiagnosticStatus { level, name, message, hardware_id: String::new(), values });
+        status.push(DiagnosticStatus::new(node, part, level, message, values));
     };
     let is_stale = |input: NodeInput, age_ns: i64| age_ns > policies.rules[input as usize].policy.stale_after_ns;
     let (level, message) = match newest.map(|output| &output.tick) {
@@ -94,8 +105,8 @@ pub fn compile(
     };
     let figures = newest.map_or_else(Vec::new, |output| {
         vec![
-            key_value("overruns", output.overruns.to_string()),
-            key_value("worst wake-up lateness [us]", format!("{:.1}", output.worst_lateness_us)),
+            ("overruns", output.overruns.to_string()),
+            ("worst wake-up lateness [us]", format!("{:.1}", output.worst_lateness_us)),
         ]
     });
     add("integration", level, message.to_owned(), figures);
@@ -103,14 +114,12 @@ pub fn compile(
         let (counts, reported) = (counts[input as usize], reported[input as usize]);
         let age_ns = newest.and_then(|output| output.tick.ages_ns[input as usize]);
         let mut values = vec![
-            key_value("samples used", counts.used.to_string()),
-            key_value("source restarts", counts.restarts.to_string()),
-            key_value("samples lost on the way", counts.lost.to_string()),
+            ("samples used", counts.used.to_string()),
+            ("source restarts", counts.restarts.to_string()),
+            ("samples lost on the way", counts.lost.to_string()),
         ];
-        values.extend(age_ns.map(|age_ns| key_value("age [s]", seconds_text(age_ns))));
-        values.extend(
-            Refusal::ALL.iter().map(|&refusal| key_value(refusal.words(), counts.refused(refusal).to_string())),
-        );
+        values.extend(age_ns.map(|age_ns| ("age [s]", seconds_text(age_ns))));
+        values.extend(Refusal::ALL.iter().map(|&refusal| (refusal.words(), counts.refused(refusal).to_string())));
         let (level, message) = match (age_ns, counts.all_refused().saturating_sub(reported.all_refused())) {
             (Some(age_ns), _) if is_stale(input, age_ns) => (2, format!("silent for {} s", seconds_text(age_ns))),
             _ if health.of(input).is_some_and(|(level, _)| level > 1) => {

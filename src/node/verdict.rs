@@ -3,7 +3,7 @@
 use ros2_client::{Publisher, WriteError};
 
 use super::bus::{Bus, BusError};
-use super::diagnostics::{self, DiagnosticArray, DiagnosticStatus, KeyValue};
+use super::diagnostics::{self, DiagnosticArray, DiagnosticStatus};
 use super::process_recorder::{Hearing, Listening};
 use super::realtime::wall_ns;
 use govtwin_bag::msg::{FaultSize, Header, Interface, Time, UnitVerdict};
@@ -64,11 +64,8 @@ pub fn report(
     listening: Option<&Listening>,
 ) -> DiagnosticArray {
     let status = |part: &str, level: u8, message: String, values: Vec<(&str, String)>| DiagnosticStatus {
-        level,
-        name: format!("{node}: {part}"),
-        message,
         hardware_id: unit.to_owned(),
-        values: values.into_iter().map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect(),
+        ..DiagnosticStatus::new(node, part, level, message, values)
     };
     let mut all = vec![];
     if let Some(heard) = listening {
