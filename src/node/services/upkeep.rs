@@ -14,8 +14,7 @@ use govtwin_bag::msg::upkeep::{
 };
 
 /// Levels of a logger.
-const LEVELS: [(u32, u8, &str); 5] =
-    [(10, 10, "debug"), (20, 20, "info"), (30, 30, "warn"), (40, 40, "error"), (50, 50, "fatal")];
+const LEVELS: [(u8, &str); 5] = [(10, "debug"), (20, "info"), (30, "warn"), (40, "error"), (50, "fatal")];
 
 /// The services.
 pub struct UpkeepServices {
@@ -80,9 +79,8 @@ fn level(item: &LoggerLevel, logger: &str) -> Result<(u8, &'static str), String>
     if item.name != logger {
         return Err(format!("there is no logger `{}`; this node has `{logger}`", item.name));
     }
-    let known = LEVELS.iter().find(|(number, _, _)| *number == item.level);
+    let known = LEVELS.into_iter().find(|(number, _)| u32::from(*number) == item.level);
     known
-        .map(|(_, least, word)| (*least, *word))
         .ok_or_else(|| format!("{} is no level: expected 10 debug, 20 info, 30 warn, 40 error or 50 fatal", item.level))
 }
 
