@@ -12,15 +12,61 @@ use govtwin_correction::row::RateOfInputs;
 use govtwin_model::params;
 
 fn replay(model: &Path, more: &[&str]) -> Output {
+    replay_with(&[&["--residual", model.to_str().unwrap()], more].concat())
+}
+
+fn replay_with(arguments: &[&str]) -> Output {
     let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/startup_01.mcap");
-    Command::new(env!("CARGO_BIN_EXE_govtwin"))
-        .arg("replay")
-        .arg(bag)
-        .arg("--residual")
-        .arg(model)
-        .args(more)
-        .output()
-        .unwrap()
+    Command::new(env!("CARGO_BIN_EXE_govtwin")).arg("replay").arg(bag).args(arguments).output().unwrap()
+}
+
+/// The figures of a replay of the start-up, and what it prints.
+fn figures(arguments: &[&str]) -> (serde_json::Value, String) {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let output = replay_with(&[arguments, &["--out", out.to_str().unwrap()]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = std::fs::read_to_string(out.join("replay.json")).unwrap();
+    let page = std::fs::read_to_string(out.join("replay.html")).unwrap();
+    assert_eq!(page.contains("reference_unit.residual (shipped)"), text.contains("reference_unit.residual (shipped)"));
+    (serde_json::from_str(&text).unwrap(), String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+#[test]
+fn the_shipped_residual_corrects_the_reference_unit_unless_it_is_left_out() {
+    const NAME: &str = "reference_unit.residual (shipped)";
+    let (by_default, text) = figures(&[]);
+    assert!(text.contains(NAME) && text.contains("`--residual none` leaves it out"), "{text}");
+    assert_eq!(by_default["residual"]["model"], NAME);
+    assert!(by_default["provenance"]["options"]["residual"].as_str().unwrap().starts_with(NAME));
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/params/reference_unit.residual");
+    let (given, _) = figures(&["--residual", file]);
+    for part in ["overall", "inputs_between_samples"] {
+        assert_eq!(by_default[part], given[part]);
+    }
+    assert_eq!(by_default["residual"]["overall"], given["residual"]["overall"]);
+    let (without, text) = figures(&["--residual", "none"]);
+    assert!(without["residual"].is_null() && !text.contains(".residual"), "{text}");
+    assert_eq!(without["inputs_between_samples"], "hold");
+}
+
+#[test]
+fn a_shipped_residual_that_cannot_be_used_is_named_with_the_reason_on_its_own_sheet_only() {
+    for (arguments, reason) in [
+        (["--rate-of-inputs", "hold"], "trained with --rate-of-inputs linear"),
+        (["--cut", "spool"], "nothing to correct"),
+    ] {
+        let (figures, text) = figures(&arguments);
+        assert!(text.contains("is not used: ") && text.contains(reason), "{text}");
+        assert!(figures["residual"].is_null());
+        assert!(figures["provenance"]["options"]["residual"].as_str().unwrap().contains(reason));
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let sheet = dir.path().join("other.yaml");
+    std::fs::write(&sheet, "oil: {bulk_modulus_pa: 1.1e9}\n").unwrap();
+    let (figures, text) = figures(&["--params", sheet.to_str().unwrap()]);
+    assert!(figures["residual"].is_null() && !text.contains(".residual"), "{text}");
+    assert_eq!(replay_with(&["--residual", "none", "--adapt"]).status.code(), Some(2));
 }
 
 #[test]
@@ -179,4 +225,24 @@ fn the_node_corrects_in_the_same_step_as_a_replay_would() {
     core.refit(&mut Refit::new(&changed));
     let tick = core.tick(800 * MS, 800 * MS);
     assert!(tick.estimate.is_some() && tick.correction.is_none() && tick.notices.has(Notices::UNCORRECTED));
+}
+
+#[test]
+fn a_recording_as_fast_as_live_is_driven_as_live_with_the_shipped_residual() {
+    let dir = tempfile::tempdir().unwrap();
+    let made = dir.path().join("made");
+    let govtwin = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
+    };
+    govtwin(&["generate", "--process", "load_rejection", "--duration", "30", "--out", made.to_str().unwrap()]);
+    let figures = |more: &[&str]| -> serde_json::Value {
+        let arguments = [&["replay", made.to_str().unwrap(), "--json"], more].concat();
+        serde_json::from_slice(&govtwin(&arguments)).unwrap()
+    };
+    let (corrected, plain) = (figures(&[]), figures(&["--residual", "none"]));
+    assert_eq!(corrected["residual"]["model"], "reference_unit.residual (shipped)");
+    assert_eq!(corrected["inputs_between_samples"], "hold");
+    assert_eq!(corrected["overall"], plain["overall"]);
 }

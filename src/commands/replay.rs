@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use govtwin_bag::{Interpolation, Loaded, Positions, ReadOptions, Stream};
 use govtwin_correction::corrector::Corrector;
-use govtwin_correction::model::Model;
 use govtwin_correction::rate;
 use govtwin_correction::row::RateOfInputs;
+use govtwin_correction::shipped;
 use govtwin_diagnosis::replay_summary::{ParameterDifferences, RecordingSource, Residual, summarise};
 use govtwin_model::parameters::Unit;
 use govtwin_model::params::{self, Sheet};
@@ -32,8 +32,9 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
-use super::{model, provenance, rate_of_inputs};
+use super::{provenance, rate_of_inputs};
 use crate::commands::{Outcome, usage};
+use residual::{Choice, Shipped};
 use validation::Requirements;
 
 /// The page.
@@ -60,10 +61,12 @@ pub struct Args {
     /// Measured signal that replaces the simulated one, to compare a single stage with its own recorded input.
     #[arg(long, value_enum, default_value_t = CutAt::None)]
     cut: CutAt,
-    /// Add the correction of this residual model of `govtwin train`, and report the remaining error; may be repeated.
+    /// Add the correction of this residual model of `govtwin train`, or `none`, and report the remaining error; may be
+    /// repeated.
     ///
-    /// With several models, or with --then, each model is applied to the unit for which it was trained, and one table
-    /// compares all units and models.
+    /// Without it, the shipped model corrects the twin if the sheet is that of the shipped reference unit, unless --then
+    /// is given; the output says so, or why it cannot. With several models, or with --then, each model is applied to the
+    /// unit for which it was trained, and one table compares all units and models.
     #[arg(long, value_name = "MODEL")]
     residual: Vec<PathBuf>,
     /// Adapt the residual model to a unit that ages, from recording to recording in order of time.
@@ -79,7 +82,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     then: Vec<PathBuf>,
     /// Inputs of the twin between two recorded samples; without it, those of the training of the residual model, else
-    /// `hold`.
+    /// `hold`. Where rows are 30 ms apart or closer, the shipped model takes `hold`, as live.
     #[arg(long, value_parser = rate_of_inputs::parser())]
     rate_of_inputs: Option<RateOfInputs>,
     /// Limit that every recording must keep, such as `spool.rmse<=0.5%`, or `@FILE` with one limit a line; may be
@@ -154,30 +157,6 @@ impl CutAt {
     }
 }
 
-impl Args {
-    /// What drives the twin between samples: as asked for, or as the residuals were trained.
-    fn rate_of_inputs(&self, models: &[(&Path, Model)]) -> anyhow::Result<RateOfInputs> {
-        let asked = self.rate_of_inputs;
-        let wanted = asked.or_else(|| models.first().map(|(_, model)| model.rate_of_inputs)).unwrap_or_default();
-        if let Some((path, model)) = models.iter().find(|(_, model)| model.rate_of_inputs != wanted) {
-            let trained = model.rate_of_inputs.id();
-            return Err(usage(if asked.is_some() {
-                let path = path.display();
-                format!(
-                    "{path} was trained with --rate-of-inputs {trained}, and knows no twin that is driven otherwise; leave the option out"
-                )
-            } else {
-                format!(
-                    "{} was trained with --rate-of-inputs {trained}, {} otherwise; give residuals of one kind",
-                    path.display(),
-                    models[0].0.display()
-                )
-            }));
-        }
-        Ok(wanted)
-    }
-}
-
 /// One bag, replayed, with what was drawn of it.
 struct Result {
     replayed: Replayed,
@@ -207,10 +186,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if let Some(out) = &args.out {
         files::refuse_to_overwrite(out, &bags)?;
     }
-    let models = args.residual.iter().map(|path| Ok((path.as_path(), model::load(path)?)));
-    let models = models.collect::<anyhow::Result<Vec<_>>>()?;
-    let driven = args.rate_of_inputs(&models)?;
-    let requirements = Requirements::read(args, driven.id())?;
+    let Choice { models, driven, shipped } = Choice::new(args, &sheet.unit, &bags)?;
+    let requirements = Requirements::read(args, driven.id(), models.len())?;
     let climbs = !args.then.is_empty() || models.len() > 1;
     // On a ladder every model has a unit of its own.
     let single = models.first().filter(|_| !climbs);
@@ -219,7 +196,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let corrector = single.map(|(_, model)| residual::ready(model, &sheet.unit, args.cut.cut())).transpose()?;
     let mut results = replay_all(args, driven, &sheet.unit, &bags, &mapped, corrector.as_ref())?;
-    residual::check_rates(&models, &mut results)?;
+    residual::check_rates(&models, &shipped, &mut results)?;
     let mut adaptation = None;
     if let Some((_, model)) = single.filter(|_| args.adapt) {
         let corrector = residual::ready(model, &sheet.unit, args.cut.cut())?.adapting(model)?;
@@ -241,9 +218,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let with = residual::summary(path, &corrected, &summary, args.cut.cut());
         let assumed = rate::assumed(model);
         text += &format!("With the residual of {}, {assumed}:\n{}", path.display(), table_text(&process_table(&with)));
+        text.extend((shipped == Shipped::Used).then_some("`--residual none` leaves it out.\n"));
         text.extend(adaptation.as_ref().map(|adaptation| format!("Adaptation: {}.\n", adaptation.words())));
         summary.residual = with.residual.clone().map(|residual| Residual { adaptation, ..residual });
         judged = Some(with);
+    }
+    if let Shipped::Unfit(reason) = &shipped {
+        text += &format!("{} is not used: {reason}.\n", shipped::NAME);
     }
     if let Some(requirements) = &requirements {
         let replayed: Vec<&Replayed> = results.iter().map(Result::judged).collect();
@@ -251,7 +232,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         text += &validation::text(&validation);
         summary.validation = Some(validation);
     }
-    let made = made::describe(args, &sheet, driven.id(), &mapped, &results)?;
+    let made = made::describe(args, &sheet, (driven, &shipped), &mapped, &results)?;
     made.origins().iter().for_each(|origin| text += &format!("{origin}\n"));
     summary.provenance = Some(made);
     if args.json {
@@ -313,7 +294,8 @@ fn replay_all(
     let twin = Twin::new(unit).with_cut(args.cut.cut());
     let options = options(args, driven, unit);
     // A further unit or a learned residual runs along all rows again; a trip is placed by a later row.
-    let whole = !args.then.is_empty() || !args.residual.is_empty() || driven == RateOfInputs::Linear;
+    let whole =
+        !args.then.is_empty() || corrector.is_some() || args.residual.len() > 1 || driven == RateOfInputs::Linear;
     let progress = Progress::new(bags.len(), "recordings");
     let results: Vec<anyhow::Result<Result>> = bags
         .par_iter()

@@ -1,17 +1,22 @@
 //! What a replay was made from: the provenance of its report.
 
+use std::path::PathBuf;
+
+use govtwin_correction::row::RateOfInputs;
+use govtwin_correction::shipped;
 use govtwin_model::params::Sheet;
 use govtwin_model::provenance::Provenance;
 
 use super::super::bags::Mapped;
-use super::super::provenance;
+use super::super::{model, provenance};
+use super::residual::Shipped;
 use super::{Args, Result};
 
 /// What the figures are made from.
 pub(super) fn describe(
     args: &Args,
     sheet: &Sheet,
-    between: &str,
+    (driven, shipped): (RateOfInputs, &Shipped),
     mapped: &Mapped,
     results: &[Result],
 ) -> anyhow::Result<Provenance> {
@@ -24,12 +29,19 @@ pub(super) fn describe(
     });
     made.warnings = mapped.warnings.iter().cloned().chain(said).collect();
     let cut = govtwin_diagnosis::replay_summary::cut_id(args.cut.cut());
-    made.options.extend([("cut".to_owned(), cut.to_owned()), ("rate-of-inputs".to_owned(), between.to_owned())]);
-    for (name, paths) in [("then", &args.then), ("residual", &args.residual)] {
+    made.options.extend([("cut".to_owned(), cut.to_owned()), ("rate-of-inputs".to_owned(), driven.id().to_owned())]);
+    let residuals: Vec<PathBuf> = args.residual.iter().filter(|path| !model::is_none(path)).cloned().collect();
+    for (name, paths) in [("then", &args.then), ("residual", &residuals)] {
         let files: Vec<String> =
             paths.iter().map(|path| Ok(provenance::file(path)?.to_string())).collect::<anyhow::Result<_>>()?;
         made.options.extend((!files.is_empty()).then(|| (name.to_owned(), files.join(", "))));
     }
+    let residual = match shipped {
+        Shipped::NotAsked => None,
+        Shipped::Used => Some(shipped::file().to_string()),
+        Shipped::Unfit(reason) => Some(format!("none: {reason}")),
+    };
+    made.options.extend(residual.map(|words| ("residual".to_owned(), words)));
     made.options.extend(args.adapt.then(|| ("adapt".to_owned(), "given".to_owned())));
     made.options.extend((!args.require.is_empty()).then(|| ("require".to_owned(), args.require.join(", "))));
     if let Some(path) = &args.against {

@@ -3,20 +3,146 @@
 use std::path::Path;
 
 use anyhow::Context;
+use govtwin_bag::Rows;
 use govtwin_correction::adapt::Adaptation;
 use govtwin_correction::corrector::Corrector;
 use govtwin_correction::guard::GuardCounts;
 use govtwin_correction::model::Model;
 use govtwin_correction::rate;
-use govtwin_correction::row::Opening;
+use govtwin_correction::row::{Opening, RateOfInputs};
+use govtwin_correction::shipped;
 use govtwin_diagnosis::replay_summary::{RecordingSource, ReplaySummary, Residual, summarise};
+use govtwin_model::frame::Frame;
 use govtwin_model::parameters::Unit;
+use govtwin_model::recording::SLOW_NS;
 use govtwin_model::replay::Replayed;
+use govtwin_model::replay::rows::MOST_KEPT;
 use govtwin_model::signal::Signal;
 use govtwin_model::twin::Cut;
 
-use super::Result as Outcome;
-use crate::commands::usage;
+use super::{Args, Result as Outcome};
+use crate::commands::bags::Bag;
+use crate::commands::{model, usage};
+
+/// Whether the residual that ships with the program corrects a replay.
+#[derive(Debug, PartialEq)]
+pub enum Shipped {
+    /// Another was given, none is wanted, units are compared, or the sheet is of another unit.
+    NotAsked,
+    /// It does.
+    Used,
+    /// It is of this unit, and why it cannot.
+    Unfit(String),
+}
+
+/// The learned residuals of a replay, and what drives the twin between samples.
+pub struct Choice<'a> {
+    /// Each with its file.
+    pub models: Vec<(&'a Path, Model)>,
+    pub driven: RateOfInputs,
+    pub shipped: Shipped,
+}
+
+impl<'a> Choice<'a> {
+    /// Those that were given, or the shipped one where it is of the unit.
+    pub fn new(args: &'a Args, unit: &Unit, bags: &[Bag]) -> anyhow::Result<Self> {
+        let without = args.residual.iter().any(|path| model::is_none(path));
+        if without && (args.residual.len() > 1 || args.adapt) {
+            return Err(usage("--residual none: leave out --adapt and further --residual"));
+        }
+        let given = args.residual.iter().filter(|_| !without).map(|path| Ok((path.as_path(), model::load(path)?)));
+        let models = given.collect::<anyhow::Result<Vec<_>>>()?;
+        let driven = rate_of_inputs(args, &models)?;
+        let of_unit = (args.residual.is_empty() && args.then.is_empty()).then(|| shipped::of(unit)).flatten();
+        let Some(model) = of_unit else { return Ok(Self { models, driven, shipped: Shipped::NotAsked }) };
+        Ok(match shipped_drives(&model, args, unit, bags) {
+            Ok(driven) => Self { models: vec![(Path::new(shipped::NAME), model)], driven, shipped: Shipped::Used },
+            Err(reason) => Self { models, driven, shipped: Shipped::Unfit(reason) },
+        })
+    }
+}
+
+/// What drives the twin between samples: as asked for, or as the residuals were trained.
+fn rate_of_inputs(args: &Args, models: &[(&Path, Model)]) -> anyhow::Result<RateOfInputs> {
+    let asked = args.rate_of_inputs;
+    let wanted = asked.or_else(|| models.first().map(|(_, model)| model.rate_of_inputs)).unwrap_or_default();
+    if let Some((path, model)) = models.iter().find(|(_, model)| model.rate_of_inputs != wanted) {
+        let trained = model.rate_of_inputs.id();
+        return Err(usage(if asked.is_some() {
+            let path = path.display();
+            format!(
+                "{path} was trained with --rate-of-inputs {trained}, and knows no twin that is driven otherwise; leave the option out"
+            )
+        } else {
+            format!(
+                "{} was trained with --rate-of-inputs {trained}, {} otherwise; give residuals of one kind",
+                path.display(),
+                models[0].0.display()
+            )
+        }));
+    }
+    Ok(wanted)
+}
+
+/// What drives the twin between samples under the shipped residual: as in its training, and held where rows come as fast as live.
+fn shipped_drives(model: &Model, args: &Args, unit: &Unit, bags: &[Bag]) -> Result<RateOfInputs, String> {
+    ready(model, unit, args.cut.cut()).map_err(|error| error.to_string())?;
+    let options = super::options(args, RateOfInputs::Hold, unit);
+    let mut slow = false;
+    for bag in bags {
+        let mut pace = Pace::default();
+        // What cannot be read is reported by the replay.
+        if govtwin_bag::read_rows(&bag.path, &options, &mut pace).is_err() {
+            continue;
+        }
+        let spacing_ns = pace.spacing_ns();
+        rate::check_spacing(model, spacing_ns).map_err(|error| format!("{}: {error}", bag.name))?;
+        if pace.rows > MOST_KEPT {
+            return Err(format!(
+                "{} has {} rows, of which {MOST_KEPT} are kept; give its file with --residual to use it",
+                bag.name, pace.rows
+            ));
+        }
+        slow |= spacing_ns > SLOW_NS;
+    }
+    let trained = model.rate_of_inputs;
+    match args.rate_of_inputs {
+        Some(asked) if slow && asked != trained => {
+            Err(format!("it was trained with --rate-of-inputs {}, not {}", trained.id(), asked.id()))
+        }
+        Some(asked) => Ok(asked),
+        None => Ok(if slow { trained } else { RateOfInputs::Hold }),
+    }
+}
+
+/// Rows of a recording, and the time between the first of them.
+#[derive(Default)]
+struct Pace {
+    rows: usize,
+    last_ns: i64,
+    spacings_ns: Vec<i64>,
+}
+
+impl Pace {
+    /// The usual time between two rows.
+    fn spacing_ns(&mut self) -> i64 {
+        self.spacings_ns.sort_unstable();
+        self.spacings_ns.get(self.spacings_ns.len() / 2).copied().unwrap_or(0)
+    }
+}
+
+impl Rows for Pace {
+    fn restart(&mut self) {
+        *self = Self::default();
+    }
+
+    fn row(&mut self, frame: &Frame) {
+        if (1..=MOST_KEPT).contains(&self.rows) {
+            self.spacings_ns.push(frame.time_ns - self.last_ns);
+        }
+        (self.rows, self.last_ns) = (self.rows + 1, frame.time_ns);
+    }
+}
 
 /// A model that fits the unit and the cut, ready to run.
 pub fn ready(model: &Model, unit: &Unit, cut: Cut) -> anyhow::Result<Corrector> {
@@ -30,13 +156,15 @@ pub fn ready(model: &Model, unit: &Unit, cut: Cut) -> anyhow::Result<Corrector> 
 }
 
 /// Refuses models whose past cannot be taken from these recordings; what the others assume becomes a warning of the recording.
-pub fn check_rates(models: &[(&Path, Model)], results: &mut [Outcome]) -> anyhow::Result<()> {
+pub fn check_rates(models: &[(&Path, Model)], shipped: &Shipped, results: &mut [Outcome]) -> anyhow::Result<()> {
     for (path, model) in models {
         for one in results.iter_mut() {
             let recording = &one.replayed.recording;
             let said =
                 rate::check(model, recording).with_context(|| format!("{} on {}", path.display(), recording.name))?;
-            one.source.warnings.extend(said);
+            // Who did not ask for a residual need not be warned of it.
+            let into = if *shipped == Shipped::Used { &mut one.source.notes } else { &mut one.source.warnings };
+            into.extend(said);
         }
     }
     Ok(())

@@ -30,7 +30,7 @@ pub struct Requirements {
 
 impl Requirements {
     /// What the command line asks for, read before the work; `None` where it asks for nothing.
-    pub fn read(args: &Args, inputs: &str) -> anyhow::Result<Option<Self>> {
+    pub fn read(args: &Args, inputs: &str, models: usize) -> anyhow::Result<Option<Self>> {
         if args.require.is_empty() && args.against.is_none() {
             return if args.junit.is_some() {
                 Err(usage("--junit reports limits: give --require or --against"))
@@ -38,7 +38,7 @@ impl Requirements {
                 Ok(None)
             };
         }
-        if !args.then.is_empty() || args.residual.len() > 1 {
+        if !args.then.is_empty() || models > 1 {
             return Err(usage("--require and --against judge one unit: leave out --then and further --residual"));
         }
         let mut limits = Vec::new();
@@ -50,7 +50,7 @@ impl Requirements {
         }
         let baseline = args.against.as_deref().map(|path| {
             let text = govtwin_files::read_bytes(path, LARGEST_BYTES)?;
-            Ok(Baseline::read(&text, cut_id(args.cut.cut()), inputs, !args.residual.is_empty())?)
+            Ok(Baseline::read(&text, cut_id(args.cut.cut()), inputs, models > 0)?)
         });
         let named = || format!("--against {}", args.against.as_deref().unwrap_or(Path::new("")).display());
         let baseline = baseline.transpose().map_err(|error: anyhow::Error| error.context(named()))?;
