@@ -345,3 +345,21 @@ fn the_page_shows_the_learned_residual_with_its_band_beside_the_twin_alone() {
     };
     assert!(spool(&figures["residual"]["overall"]) < spool(&figures["overall"]), "the residual helps on its unit");
 }
+
+#[cfg(feature = "node")]
+#[test]
+fn the_page_shows_how_late_the_ticks_of_the_node_were() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let mut stats = govtwin_node::stats::Stats::default();
+    stats.woke(0, 41_000, 50_000, 1_000_000);
+    let figures = serde_json::json!({"loop": stats.summary(0), "inputs": {}});
+    std::fs::write(at("run.json"), figures.to_string()).unwrap();
+    let run = validated(&["--run", &at("run.json"), "--out", &at("out")]);
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    let page = std::fs::read_to_string(at("out/replay.html")).unwrap();
+    assert!(page.contains("Punctuality of the node") && page.contains(">41"), "lateness in µs");
+    std::fs::write(at("run.json"), r#"{"units": {}}"#).unwrap();
+    let run = validated(&["--run", &at("run.json"), "--out", &at("out")]);
+    assert!(run.code == 1 && run.stderr.contains("the figures of one unit"), "{}", run.stderr);
+}

@@ -3,6 +3,7 @@
 mod files;
 mod ladder;
 mod made;
+mod node_run;
 pub mod origin;
 mod residual;
 mod rows;
@@ -34,6 +35,7 @@ use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
 use super::{provenance, rate_of_inputs};
 use crate::commands::{Outcome, usage};
+use node_run::NodeRun;
 use residual::{Choice, Shipped};
 use validation::Requirements;
 
@@ -105,6 +107,10 @@ pub struct Args {
     /// File for the limits and how they stand as JUnit XML, which CI servers show.
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
+    /// Figures of the node that ran while the recording was made (`govtwin run --out`); the page shows how late its ticks
+    /// were.
+    #[arg(long = "run", value_name = "FILE", requires = "out")]
+    node_run: Option<PathBuf>,
     /// Folder for the page, the figures and bags with the simulated state; created if missing.
     ///
     /// Of the bags in the folder, only those of an earlier replay are replaced.
@@ -180,6 +186,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(path) => params::load_sheet(path)?,
         None => params::reference_sheet(),
     };
+    let node_run = args.node_run.as_deref().map(NodeRun::read).transpose()?;
     let mapped = args.map.open(&args.bags)?;
     let bags = bags::find(&mapped.paths)?;
     let output = args.out.as_ref().map(|out| Output::claim(out, &[PAGE, FIGURES])).transpose()?;
@@ -242,7 +249,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     print(&text)?;
     if let Some(output) = output {
-        files::write_all(output, &summary, &results, &bags, &sheet.unit, after.as_ref(), args)?;
+        files::write_all(output, &summary, &results, &bags, &sheet.unit, (after.as_ref(), node_run.as_ref()), args)?;
     }
     if let (Some(requirements), Some(validation)) = (&requirements, &summary.validation) {
         requirements.write(validation)?;

@@ -14,6 +14,7 @@ use govtwin_pages::replay::{Beside, Pictures, page};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use super::ladder::After;
+use super::node_run::NodeRun;
 use super::{Args, FIGURES, PAGE, Result, options, rows, simulated};
 use crate::commands::bags::Bag;
 use crate::commands::output::{Output, Progress, print};
@@ -74,7 +75,7 @@ pub fn write_all(
     results: &[Result],
     bags: &[Bag],
     unit: &Unit,
-    after: Option<&After>,
+    (after, node_run): (Option<&After>, Option<&NodeRun>),
     args: &Args,
 ) -> anyhow::Result<()> {
     let progress = Progress::new(bags.len(), "bags written");
@@ -91,7 +92,10 @@ pub fn write_all(
     output.add_bags(written?);
     let replayed: Vec<&Replayed> = results.iter().map(|one| &one.replayed).collect();
     let pictures = draw(results, summary, unit, after)?;
-    let page = page(summary, &replayed, &pictures, &unit.sensors)?;
+    let mut page = page(summary, &replayed, &pictures, &unit.sensors)?;
+    if let Some(run) = node_run {
+        run.show(&mut page.body);
+    }
     let html_path = output.path(PAGE);
     output.add(PAGE, page.to_html().as_bytes())?;
     output.add_json(FIGURES, summary)?;
