@@ -10,8 +10,10 @@ mod unit_sheets;
 mod worker;
 
 use clap::Subcommand;
+use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::commands::Outcome;
+use crate::commands::output::Progress;
 
 /// Arguments of `govtwin fleet`.
 #[derive(Debug, clap::Args)]
@@ -52,4 +54,22 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Command::Run(args) => run::run(args),
         Command::Gather(args) => gather::run(args),
     }
+}
+
+/// Looks at all items at once, and gives what counts and what does not, each in the order of the items.
+fn look_at_each<T: Sync, Counts: Send, Not: Send>(
+    items: &[T],
+    noun: &'static str,
+    look: impl Fn(&T) -> anyhow::Result<Result<Counts, Not>> + Sync,
+) -> anyhow::Result<(Vec<Counts>, Vec<Not>)> {
+    let progress = Progress::new(items.len(), noun);
+    let looked: Vec<_> = items.par_iter().map(|item| look(item).inspect(|_| progress.step())).collect();
+    let (mut counts, mut not) = (Vec::new(), Vec::new());
+    for one in looked {
+        match one? {
+            Ok(one) => counts.push(one),
+            Err(one) => not.push(one),
+        }
+    }
+    Ok((counts, not))
 }

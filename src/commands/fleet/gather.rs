@@ -1,7 +1,7 @@
 //! `govtwin fleet gather`: all results of a store in one page, one table and one file for machines.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use govtwin_diagnosis::fleet::changes::{Change, Standing};
@@ -13,12 +13,12 @@ use govtwin_diagnosis::fleet::urgency::{Look, look_first};
 use govtwin_files::store::Store;
 use govtwin_model::params;
 use govtwin_pages::table::Table;
-use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use serde_json::{Value, json};
 
 use super::entries::PlanFile;
+use super::look_at_each;
 use crate::commands::Outcome;
-use crate::commands::output::{Output, Progress, print, table_text, warn};
+use crate::commands::output::{Output, print, table_text, warn};
 use crate::commands::provenance::{self, PROGRAM};
 use crate::commands::report_file::text_if_there;
 
@@ -99,29 +99,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 /// All results, and what stands among them and is none.
 fn outcomes(store: &Store) -> anyhow::Result<(Vec<Kept>, Vec<String>)> {
-    let objects = store.list("results")?;
-    let progress = Progress::new(objects.len(), "results read");
-    let read: Vec<anyhow::Result<Result<Kept, String>>> = objects
-        .par_iter()
-        .map(|object| {
-            let key = object.path.rsplit('/').next().and_then(|name| name.strip_suffix(".json"));
-            let bytes = store.get(&object.path)?;
-            progress.step();
-            Ok(match key {
-                None => Err(format!("{}: expected a result, KEY.json; not counted", object.path)),
-                Some(key) => Kept::read(&bytes, key)
-                    .map_err(|error| format!("{}: {error}; remove it, so that its entry is done anew", object.path)),
-            })
+    look_at_each(&store.list("results")?, "results read", |object| {
+        let key = object.path.rsplit('/').next().and_then(|name| name.strip_suffix(".json"));
+        let bytes = store.get(&object.path)?;
+        Ok(match key {
+            None => Err(format!("{}: expected a result, KEY.json; not counted", object.path)),
+            Some(key) => Kept::read(&bytes, key)
+                .map_err(|error| format!("{}: {error}; remove it, so that its entry is done anew", object.path)),
         })
-        .collect();
-    let (mut outcomes, mut damaged) = (Vec::new(), Vec::new());
-    for one in read {
-        match one? {
-            Ok(outcome) => outcomes.push(outcome),
-            Err(words) => damaged.push(words),
-        }
-    }
-    Ok((outcomes, damaged))
+    })
 }
 
 /// What was noted of tries without a result, by key.
@@ -163,21 +149,16 @@ impl<'a> PageTarget<'a> {
         let shown = folder
             .as_ref()
             .map_or_else(|| format!("{}/{FOLDER}", store.address()), |folder| folder.display().to_string());
-        let before = match &folder {
-            Some(folder) => standing_in(&folder.join(JSON))?,
-            None if store.has(&format!("{FOLDER}/{JSON}"))? => {
-                Some(standing(&store.get(&format!("{FOLDER}/{JSON}"))?, &shown)?)
-            }
+        let earlier = format!("{FOLDER}/{JSON}");
+        let bytes = match &folder {
+            Some(folder) => text_if_there(&folder.join(JSON), LARGEST_BYTES)?.map(String::into_bytes),
+            None if store.has(&earlier)? => Some(store.get(&earlier)?),
             None => None,
         };
+        let before = bytes.map(|bytes| standing(&bytes, &format!("{shown}/{JSON}"))).transpose()?;
         let folder = folder.map(|folder| Output::claim(&folder, &NAMES)).transpose()?;
         Ok(Self { folder, store, shown, to_store, before })
     }
-}
-
-fn standing_in(path: &Path) -> anyhow::Result<Option<Standing>> {
-    let text = text_if_there(path, LARGEST_BYTES)?;
-    text.map(|text| standing(text.as_bytes(), &path.display().to_string())).transpose()
 }
 
 fn standing(bytes: &[u8], shown: &str) -> anyhow::Result<Standing> {

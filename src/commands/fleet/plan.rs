@@ -8,14 +8,14 @@ use govtwin_diagnosis::fleet::plan::{LeftOut, Plan, Reason, left_out_csv, plan};
 use govtwin_diagnosis::fleet::units::UnitRow;
 use govtwin_files::store::Store;
 use govtwin_pages::table::Table;
-use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use serde_json::json;
 
 use super::entries::{self, ENTRIES};
 use super::look::{Item, Reading, items, look, owner};
+use super::look_at_each;
 use super::period::Period;
 use super::unit_sheets::{self, Units};
-use crate::commands::output::{Progress, print, table_text, warn};
+use crate::commands::output::{print, table_text, warn};
 use crate::commands::provenance::PROGRAM;
 use crate::commands::{Outcome, expect};
 
@@ -99,35 +99,18 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 fn make(source: &Store, items: &[Item], units: &Units, period: Period) -> anyhow::Result<Plan> {
     let by_folder: BTreeMap<&str, &UnitRow> = units.rows.iter().map(|row| (row.folder.as_str(), row)).collect();
-    let progress = Progress::new(items.len(), "objects read");
-    let looked: Vec<anyhow::Result<Result<_, LeftOut>>> = items
-        .par_iter()
-        .map(|item| {
-            let looked = match owner(&item.path, &by_folder) {
-                None => Ok(Err(LeftOut {
-                    path: item.path.clone(),
-                    unit: String::new(),
-                    reason: Reason::UnknownUnit,
-                    words: "lies in the folder of no unit of the table".to_owned(),
-                })),
-                Some(row) => {
-                    let reading =
-                        Reading { row, sheet: units.sheets.get(&row.sheet), map: units.maps.get(&row.map), period };
-                    look(item, source, &reading)
-                }
-            };
-            progress.step();
-            looked
-        })
-        .collect();
-    drop(progress);
-    let (mut found, mut left_out) = (Vec::new(), Vec::new());
-    for one in looked {
-        match one? {
-            Ok(one) => found.push(one),
-            Err(one) => left_out.push(one),
-        }
-    }
+    let (found, left_out) = look_at_each(items, "objects read", |item| {
+        let Some(row) = owner(&item.path, &by_folder) else {
+            return Ok(Err(LeftOut {
+                path: item.path.clone(),
+                unit: String::new(),
+                reason: Reason::UnknownUnit,
+                words: "lies in the folder of no unit of the table".to_owned(),
+            }));
+        };
+        let reading = Reading { row, sheet: units.sheets.get(&row.sheet), map: units.maps.get(&row.map), period };
+        look(item, source, &reading)
+    })?;
     let mut plan = plan(&source.address(), PROGRAM, &units.how, found);
     plan.left_out.extend(left_out);
     plan.left_out.sort();
@@ -140,9 +123,8 @@ fn tell(args: &Args, plan: &Plan, out: &Store, units: &Units) -> anyhow::Result<
         *counts.entry(one.reason).or_default() += 1;
     }
     let recordings: usize = plan.entries.iter().map(|entry| entry.bags.len()).sum();
-    let left_out: serde_json::Map<String, serde_json::Value> =
-        counts.iter().map(|(reason, count)| (reason.id().to_owned(), (*count).into())).collect();
     if args.json {
+        let left_out: BTreeMap<_, _> = counts.iter().map(|(reason, count)| (reason.id(), count)).collect();
         let whole = json!({
             "schema": "govtwin-fleet-plan/1", "entries": plan.entries.len(), "recordings": recordings, "units": units.rows.len(),
             "left_out": left_out, "units_without_recordings": plan.idle_units,
@@ -173,6 +155,6 @@ fn tell(args: &Args, plan: &Plan, out: &Store, units: &Units) -> anyhow::Result<
     for unit in &plan.idle_units {
         warn(&format!("unit `{unit}`: no recording can be used"));
     }
-    let sound = plan.idle_units.is_empty() && plan.left_out.iter().all(|one| one.reason == Reason::NoRecording);
-    Ok(if sound { Outcome::Ok } else { Outcome::Warnings })
+    let is_sound = plan.idle_units.is_empty() && counts.keys().all(|reason| *reason == Reason::NoRecording);
+    Ok(if is_sound { Outcome::Ok } else { Outcome::Warnings })
 }

@@ -3,7 +3,6 @@
 use anyhow::{Context, bail};
 use govtwin_diagnosis::fleet::changes::word_of;
 use govtwin_diagnosis::fleet::entry::Entry;
-use govtwin_diagnosis::fleet::result::EntryResult as Kept;
 use govtwin_files::store::Store;
 use serde_json::json;
 
@@ -82,7 +81,7 @@ fn tell(args: &Args, entry: &Entry, done: &Done) -> anyhow::Result<()> {
     let (id, words) = match done {
         Done::There => ("there", "its result is there already".to_owned()),
         Done::Beaten => ("there", "another worker wrote its result meanwhile".to_owned()),
-        Done::Written(kept) => ("written", told(kept)),
+        Done::Written(kept) => ("written", kept.found.as_ref().map_or_else(|| "failed".to_owned(), word_of)),
     };
     if let Done::Written(kept) = done
         && let Some(error) = &kept.error
@@ -94,8 +93,4 @@ fn tell(args: &Args, entry: &Entry, done: &Done) -> anyhow::Result<()> {
         return print(&format!("{line}\n"));
     }
     print(&format!("{}: {words}\n", entry.name()))
-}
-
-fn told(kept: &Kept) -> String {
-    kept.found.as_ref().map_or_else(|| "failed".to_owned(), word_of)
 }
