@@ -50,19 +50,14 @@ impl Chronicle {
         if self.entries.iter().any(|entry| entry.digest == cut.digest) {
             return Ok(false);
         }
-        let mut entry = self.entry(given, cut);
-        self.entries.push(entry.clone());
-        let said: Vec<String> = self.courses().iter().filter_map(Course::warning).collect();
-        entry.warnings = said;
-        self.entries.pop();
-        self.entries.push(entry.clone());
+        self.entries.push(self.entry(given, cut));
+        let warnings: Vec<String> = self.courses().iter().filter_map(Course::warning).collect();
+        let Some(entry) = self.entries.last_mut() else { return Ok(false) };
+        entry.warnings.clone_from(&warnings);
+        let words = if self.json { serde_json::to_string(entry)? + "\n" } else { line(entry) };
         self.place()?;
-        if self.json {
-            print(&(serde_json::to_string(&entry)? + "\n"))?;
-        } else {
-            print(&line(&entry))?;
-        }
-        for warning in &entry.warnings {
+        print(&words)?;
+        for warning in &warnings {
             warn(warning);
         }
         Ok(true)
