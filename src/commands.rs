@@ -46,6 +46,10 @@ pub mod train;
 mod usage;
 pub mod watch;
 
+use std::path::Path;
+
+use govtwin_model::params::{self, ParamsError, Sheet};
+
 pub use usage::{Usage, expect, number, usage};
 
 /// How a command that did not fail ended.
@@ -57,4 +61,9 @@ pub enum Outcome {
     Warnings,
     /// Finished, and what was to be kept is not: exit code 4.
     Failed,
+}
+
+/// The data sheet of `--params`; without it, that of the shipped reference unit.
+fn sheet_of(given: Option<&Path>) -> Result<Sheet, ParamsError> {
+    given.map_or_else(|| Ok(params::reference_sheet()), params::load_sheet)
 }

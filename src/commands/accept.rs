@@ -12,7 +12,6 @@ use govtwin_diagnosis::acceptance::limits::{AcceptanceLimits, LimitStanding};
 use govtwin_diagnosis::acceptance::series::Series;
 use govtwin_diagnosis::acceptance::summary::{AcceptanceSummary, DiagnosedTwin, csv, summarise};
 use govtwin_model::parameters::Unit;
-use govtwin_model::params;
 use govtwin_model::provenance::Provenance;
 use govtwin_model::recording::Recording;
 use govtwin_model::replay::simulate;
@@ -22,7 +21,7 @@ use govtwin_pages::acceptance::{Drawn, measures_table, page, without_table};
 use super::bags::{self, GivenBag, MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
 use super::provenance;
-use crate::commands::Outcome;
+use crate::commands::{Outcome, sheet_of};
 use faults::FoundFaults;
 
 /// The files.
@@ -97,10 +96,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Ok);
     }
     let limits = args.limits.as_ref().map(|path| limits_file::load_limits(path)).transpose()?.unwrap_or_default();
-    let sheet = match &args.params {
-        Some(path) => params::load_sheet(path)?,
-        None => params::reference_sheet(),
-    };
+    let sheet = sheet_of(args.params.as_deref())?;
     let name = provenance::unit_of(&args.bags);
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("acceptance").join(&name));
     let output = Output::claim(&out, &NAMES)?;

@@ -14,7 +14,6 @@ use std::path::PathBuf;
 
 use govtwin_files::is_same;
 use govtwin_lab::battery::plan::BatteryRates;
-use govtwin_model::params;
 use rayon::prelude::{ParallelBridge, ParallelIterator};
 
 use self::battery::BatteryOf;
@@ -27,7 +26,7 @@ use super::output::{Output, Progress, print, table_text, warn};
 use super::provenance;
 use super::replay::origin;
 use super::report_file::is_there;
-use crate::commands::{Outcome, usage};
+use crate::commands::{Outcome, sheet_of, usage};
 
 /// Arguments of `govtwin blind`.
 #[derive(Debug, clap::Args)]
@@ -150,10 +149,7 @@ fn mismatch(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let sheet = match &args.params {
-        Some(path) => params::load_sheet(path)?,
-        None => params::reference_sheet(),
-    };
+    let sheet = sheet_of(args.params.as_deref())?;
     let unit = &sheet.unit;
     let out = args.out.as_ref().unwrap_or(&args.dir);
     // Parts run side by side in one folder; each claims the units that it works on, one by one.

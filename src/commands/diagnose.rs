@@ -21,7 +21,7 @@ use govtwin_pages::diagnosis as report;
 use super::bags::{MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, warn, width};
 use super::provenance;
-use crate::commands::{Outcome, usage};
+use crate::commands::{Outcome, sheet_of, usage};
 use given::{By, Given, UnitArgs};
 
 pub use files::{FITTED, NAMES};
@@ -193,10 +193,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 /// Diagnoses a unit, and writes its report.
 pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
-    let sheet = match &args.unit_of.params {
-        Some(path) => params::load_sheet(path)?,
-        None => params::reference_sheet(),
-    };
+    let sheet = sheet_of(args.unit_of.params.as_deref())?;
     let (settings, own_effects) = settings(args)?;
     let name = args.unit.clone().unwrap_or_else(|| provenance::unit_of(&args.bags));
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("diagnosis").join(&name));

@@ -29,7 +29,7 @@ use super::bags::{self, MapArgs, Mapped, Recordings, StageWanted, TopicArgs};
 use super::generate::effect;
 use super::output::{Output, Progress, print, warn};
 use super::provenance;
-use crate::commands::{Outcome, usage};
+use crate::commands::{Outcome, sheet_of, usage};
 
 /// Arguments of `govtwin fit`.
 #[derive(Debug, clap::Args)]
@@ -93,10 +93,7 @@ too little excitation, a recording left out, or an error that no fitted paramete
 
 /// Fits, prints the tables, writes the files.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let mut sheet = match &args.params {
-        Some(path) => params::load_sheet(path)?,
-        None => params::reference_sheet(),
-    };
+    let mut sheet = sheet_of(args.params.as_deref())?;
     for path in &args.candidates {
         adopt(&params::load(path)?, params::load_candidates(path)?, &mut sheet.unit)?;
     }

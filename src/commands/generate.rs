@@ -22,7 +22,7 @@ use jiff::Timestamp;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::commands::output::{Output, Progress, print};
-use crate::commands::{Outcome, expect, number};
+use crate::commands::{Outcome, expect, number, sheet_of};
 
 /// The unit that was simulated.
 const TRUTH: &str = "truth.yaml";
@@ -126,10 +126,7 @@ enum Switch {
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     within("--rate", args.rate_hz, 1.0, 1000.0, "Hz")?;
     within("--duration", args.duration_s, 30.0, 3600.0, "s")?;
-    let mut unit = match &args.params {
-        Some(path) => params::load(path)?,
-        None => params::reference(),
-    };
+    let mut unit = sheet_of(args.params.as_deref())?.unit;
     effect::add(&args.effects, &mut unit)?;
     if args.spread == Switch::On {
         unit = generate::spread(&unit, args.seed);

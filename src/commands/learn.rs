@@ -20,7 +20,7 @@ use govtwin_correction::table::{FeatureTable, TableLayout, slowest_period_ns, ta
 use govtwin_correction::{features, training};
 use govtwin_lab::comparison::summary::Searched;
 use govtwin_model::parameters::Unit;
-use govtwin_model::params::{self, Sheet};
+use govtwin_model::params::Sheet;
 use govtwin_model::recording::{Process, Recording};
 use govtwin_model::replay::between::simulate_between;
 use govtwin_model::replay::simulate;
@@ -32,6 +32,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use super::bags::{self, Bag, TopicArgs};
 use super::output::{Progress, warn};
 use super::replay::origin;
+use super::sheet_of;
 use journal::EvaluationJournal;
 
 /// What both commands take.
@@ -150,10 +151,7 @@ impl Args {
         rate_of_inputs: RateOfInputs,
         left_out: &[Process],
     ) -> anyhow::Result<TrainingData> {
-        let sheet = match &self.params {
-            Some(path) => params::load_sheet(path)?,
-            None => params::reference_sheet(),
-        };
+        let sheet = sheet_of(self.params.as_deref())?;
         let signal = match self.signal {
             Corrected::Spool => Signal::SpoolPosition,
             Corrected::Servomotor => Signal::ServomotorPosition,

@@ -34,7 +34,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
 use super::{provenance, rate_of_inputs};
-use crate::commands::{Outcome, usage};
+use crate::commands::{Outcome, sheet_of, usage};
 use node_run::NodeRun;
 use residual::{Choice, Shipped};
 use validation::Requirements;
@@ -182,10 +182,7 @@ impl Result {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let sheet = match &args.params {
-        Some(path) => params::load_sheet(path)?,
-        None => params::reference_sheet(),
-    };
+    let sheet = sheet_of(args.params.as_deref())?;
     let node_run = args.node_run.as_deref().map(NodeRun::read).transpose()?;
     let mapped = args.map.open(&args.bags)?;
     let bags = bags::find(&mapped.paths)?;

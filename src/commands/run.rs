@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use anyhow::Context;
 use govtwin_model::parameters::Unit;
-use govtwin_model::params;
 use govtwin_model::twin::Twin;
 use govtwin_node::arguments::Arguments;
 use govtwin_node::bus_map::InputNames;
@@ -19,7 +18,7 @@ use serde_json::json;
 
 use super::network::NetworkArgs;
 use super::{bus_map, model, output};
-use crate::commands::{Outcome, expect, number, usage};
+use crate::commands::{Outcome, expect, number, sheet_of, usage};
 
 const HELP: &str = "\
 Subscribes to governor/command, governor/esv and governor/tank_pressure, and publishes the simulated
@@ -252,7 +251,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 /// Reads a unit, the shipped one by default.
 fn unit(params: Option<&Path>) -> anyhow::Result<Unit> {
-    let mut unit = params.map_or_else(|| Ok(params::reference()), params::load)?;
+    let mut unit = sheet_of(params)?.unit;
     if Twin::new(&unit).plant().lookahead_s > 0.0 {
         unit.effects.retain(|setting| setting.id != "clock_offset");
         output::warn(

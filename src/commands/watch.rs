@@ -17,7 +17,7 @@ use govtwin_model::params;
 use super::bags::TopicArgs;
 use super::output::{Output, print, warn};
 use super::{provenance, report_file};
-use crate::commands::{Outcome, expect, number, usage};
+use crate::commands::{Outcome, expect, number, sheet_of, usage};
 use chronicle::Chronicle;
 use follow::Follower;
 
@@ -166,10 +166,7 @@ fn look(
 
 /// Claims the folder of the history and reads what is in it.
 fn chronicle(args: &Args) -> anyhow::Result<Chronicle> {
-    let unit = match &args.params {
-        Some(path) => params::load(path)?,
-        None => params::reference(),
-    };
+    let unit = sheet_of(args.params.as_deref())?.unit;
     // Who listens has no folder of recordings: the unit is called by its folder or its sheet.
     let instead: Vec<PathBuf> = args.out.iter().chain(&args.params).take(1).cloned().collect();
     let name = match if args.paths.is_empty() { &instead } else { &args.paths } {
