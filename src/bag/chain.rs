@@ -6,6 +6,9 @@
 //! not that of the plant. The limits lie far outside of what faults of servo systems do.
 
 mod impossible;
+mod onsets;
+mod rests;
+mod trips;
 mod watches;
 
 use govtwin_model::frame::{EsvState, Frame};
@@ -13,6 +16,9 @@ use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
 pub(crate) use impossible::Impossible;
+use onsets::OnsetWatch;
+use rests::RestWatch;
+use trips::TripWatch;
 use watches::{HeldWatch, Relation};
 
 use super::qualification::OTHER_CLOCK_S;
@@ -38,14 +44,6 @@ const COPY_SAMPLES: u64 = 20;
 const LASTS: f64 = 0.5;
 /// A position within this band stands still, pu.
 const STILL_PU: f64 = 0.004;
-/// At rest so far from its command, pu, for so long, s.
-const REST_PU: f64 = 0.04;
-const REST_S: f64 = 6.0;
-/// A tripped servomotor does not open by so much, pu, once so long has passed, s, and is not that far open after so long, s.
-const OPENS_PU: f64 = 0.03;
-const TRIPPED_S: f64 = 1.0;
-const STANDS_PU: f64 = 0.1;
-const STANDS_S: f64 = 20.0;
 /// Three samples in one direction faster than this, pu/s, over so much of the stroke, pu, are none of a servomotor.
 const FASTEST_PU_S: f64 = 2.0;
 const FAST_PU: f64 = 0.05;
@@ -60,24 +58,6 @@ const SHORTEST_S: f64 = 1.0;
 const SHORT_SAMPLES: u64 = 200;
 /// Samples that are further apart, s, show nothing of a process of seconds.
 const APART_S: f64 = 5.0;
-
-/// Where and when something impossible was seen.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Seen {
-    time_ns: i64,
-    position_pu: f64,
-    command_pu: f64,
-    duration_s: f64,
-}
-
-/// Values within a band.
-#[derive(Clone, Copy, Debug)]
-struct StillRun {
-    least: f64,
-    most: f64,
-    /// Since when the command is elsewhere, ns.
-    away_since_ns: Option<i64>,
-}
 
 /// The last row at which a speed was taken, and sums of the spool since.
 #[derive(Clone, Copy, Debug)]
@@ -111,11 +91,9 @@ pub(crate) struct ChainEvidence {
     command_ends: Option<[f64; 2]>,
     servo_ends: Option<[f64; 2]>,
     first_ns: Option<i64>,
-    trip: Option<(i64, f64)>,
-    opens: Option<Impossible>,
-    stands: Option<Impossible>,
-    rest: Option<StillRun>,
-    rests: Option<Seen>,
+    trips: TripWatch,
+    rests: RestWatch,
+    onsets: OnsetWatch,
     held: [HeldWatch; 2],
     relation: Relation,
     fast: (u32, f64),
@@ -155,8 +133,9 @@ impl ChainEvidence {
         self.command_ends = wider(self.command_ends, command);
         self.speed(frame, servo, spool);
         self.copied(time_ns, command, servo, normal);
-        self.tripped(time_ns, servo, normal);
-        self.rested(time_ns, command, servo, normal);
+        self.trips.take(time_ns, command - servo, servo, spool, normal);
+        self.rests.take(time_ns, command, servo, normal);
+        self.onsets.take(time_ns, command, spool, normal);
         self.last = Some((time_ns, command, servo));
     }
 
@@ -230,50 +209,6 @@ impl ChainEvidence {
         self.last_error = Some(error);
     }
 
-    fn tripped(&mut self, time_ns: i64, servo: f64, normal: bool) {
-        if normal {
-            self.trip = None;
-            return;
-        }
-        let (since_ns, lowest) = *self.trip.get_or_insert((time_ns, f64::INFINITY));
-        let duration_s = seconds_from_nanos(time_ns.saturating_sub(since_ns));
-        if duration_s < TRIPPED_S {
-            return;
-        }
-        let lowest = lowest.min(servo);
-        self.trip = Some((since_ns, lowest));
-        let by_pu = servo - lowest;
-        if by_pu > OPENS_PU
-            && self
-                .opens
-                .is_none_or(|known| matches!(known, Impossible::OpensTripped { by_pu: most, .. } if most < by_pu))
-        {
-            self.opens = Some(Impossible::OpensTripped { by_pu, time_ns });
-        }
-        if duration_s > STANDS_S && servo > STANDS_PU {
-            self.stands = Some(Impossible::StandsTripped { position_pu: servo, time_ns, duration_s });
-        }
-    }
-
-    fn rested(&mut self, time_ns: i64, command: f64, servo: f64, normal: bool) {
-        let (least, most) = self.rest.map_or((servo, servo), |run| (run.least.min(servo), run.most.max(servo)));
-        if most - least > STILL_PU || !normal || self.rest.is_none() {
-            let run = StillRun { least: servo, most: servo, away_since_ns: None };
-            self.rest = normal.then_some(run);
-        }
-        let Some(run) = &mut self.rest else { return };
-        (run.least, run.most) = (run.least.min(servo), run.most.max(servo));
-        if (command - servo).abs() < REST_PU || command.is_nan() || is_pressed(servo, command) {
-            run.away_since_ns = None;
-            return;
-        }
-        let since_ns = *run.away_since_ns.get_or_insert(time_ns);
-        let duration_s = seconds_from_nanos(time_ns.saturating_sub(since_ns));
-        if duration_s > REST_S && self.rests.is_none_or(|rests| rests.duration_s < duration_s) {
-            self.rests = Some(Seen { time_ns: since_ns, position_pu: servo, command_pu: command, duration_s });
-        }
-    }
-
     /// What cannot be of one machine.
     pub(crate) fn found(&self) -> Vec<Impossible> {
         let mut found = vec![];
@@ -288,7 +223,8 @@ impl ChainEvidence {
             return found;
         }
         found.extend(self.fastest);
-        found.extend(self.opens.or(self.stands));
+        found.extend(self.trips.found());
+        found.extend(self.onsets.found());
         let is_away = self.away > AWAY_PU && self.away > AWAY_RATIO * self.towards;
         let correlation = self.relation.correlation();
         if is_away {
@@ -305,9 +241,7 @@ impl ChainEvidence {
         if tell && (correlation < UNRELATED) {
             found.push(Impossible::Unrelated { correlation });
         }
-        found.extend(self.rests.map(|Seen { time_ns, position_pu, command_pu, duration_s }| {
-            Impossible::RestsElsewhere { position_pu, command_pu, time_ns, duration_s }
-        }));
+        found.extend(self.rests.found());
         found.extend(self.held[0].found(Signal::ServomotorPosition));
         found.extend(self.held[1].found(Signal::SpoolPosition));
         let duration_s = self

@@ -285,14 +285,16 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
     }
     let impossible: Vec<Impossible> = rows.chain.iter().flat_map(ChainEvidence::found).collect();
     // A servomotor that rests elsewhere is frozen too, which need not be said twice.
-    let rests = impossible.iter().any(|one| matches!(one, Impossible::RestsElsewhere { .. }));
+    let rests =
+        impossible.iter().any(|one| matches!(one, Impossible::RestsElsewhere { .. } | Impossible::Scaled { .. }));
     for impossible in impossible {
         let severity = match impossible {
             // A slow logger may be all that there is, and a diagnosis finds the offset of the clocks.
             Impossible::TooSlow { .. }
             | Impossible::TooShort { .. }
             | Impossible::Held { .. }
-            | Impossible::Leads { .. } => Severity::Warning,
+            | Impossible::Leads { .. }
+            | Impossible::Precedes { .. } => Severity::Warning,
             _ => Severity::Disqualified,
         };
         Found::new(topic, &mut found).add(severity, Kind::Impossible, impossible.words());

@@ -2,7 +2,7 @@
 
 use govtwin_bag::msg;
 use govtwin_bag::{self as bag, Finding, Kind, ReadOptions, Severity, Warning};
-use govtwin_model::frame::Frame;
+use govtwin_model::frame::{EsvState, Frame};
 use govtwin_model::signal::Signal;
 use mcap::WriteOptions;
 
@@ -35,6 +35,38 @@ fn recordings_that_cannot_be_are_named() {
             let named = found(&changed);
             assert!(named.iter().any(|one| one.severity == Severity::Disqualified), "{name}: {what}: {named:?}");
         }
+    }
+}
+
+#[test]
+fn a_spool_that_moves_before_its_command_is_named() {
+    for name in ["practice/case_01", "practice/case_03", "practice/case_05"] {
+        let rows = frames(&format!("{name}/load_rejection.mcap"));
+        for (earlier, named) in [(-10, false), (0, false), (8, true), (10, true), (30, true)] {
+            let mut changed = rows.clone();
+            for (k, row) in changed.iter_mut().enumerate() {
+                row.measured = rows[k.saturating_add_signed(earlier).min(rows.len() - 1)].measured;
+            }
+            let told = found(&changed);
+            let is_told = told.iter().any(|one| one.words.contains("the spool moves before its command does"));
+            assert_eq!(is_told, named, "{name}: {earlier}: {told:?}");
+            assert!(told.iter().all(|one| one.severity == Severity::Warning), "{name}: {earlier}: {told:?}");
+        }
+    }
+}
+
+#[test]
+fn a_trip_that_its_stream_does_not_state_is_named() {
+    for name in ["practice/case_01", "practice/case_03", "practice/case_05"] {
+        let mut rows = frames(&format!("{name}/shutdown.mcap"));
+        let trip = rows.iter().position(|row| row.inputs.esv == EsvState::Shutdown).unwrap();
+        let asked_pu = rows[trip - 1].inputs.opening_command_pu;
+        for row in &mut rows[trip..] {
+            (row.inputs.esv, row.inputs.opening_command_pu) = (EsvState::Normal, asked_pu);
+        }
+        let told = found(&rows);
+        let named = told.iter().find(|one| one.words.contains("the ESV has tripped without its state saying so"));
+        assert_eq!(named.map(|one| one.severity), Some(Severity::Disqualified), "{name}: {told:?}");
     }
 }
 

@@ -126,7 +126,7 @@ pub(super) fn impossible(cases: &mut Cases) {
         (
             "the position is doubled",
             &|k| ([rows[k].values[0], 2.0 * rows[k].values[1], rows[k].values[2], rows[k].values[3]], 0),
-            "doubled",
+            "times its command",
         ),
         (
             "the spool is turned",

@@ -17,6 +17,13 @@ pub(crate) enum Impossible {
     OpensTripped { by_pu: f64, time_ns: i64 },
     /// It stands open while tripped.
     StandsTripped { position_pu: f64, time_ns: i64, duration_s: f64 },
+    /// The spool is fully closing while nothing asks for it and the ESV is said to be normal: from and to which position, pu, the greatest distance to the
+    /// command, pu, where the spool is, pu, since when, ns, and for how long, s.
+    TripsUnsaid { from_pu: f64, to_pu: f64, error_pu: f64, spool_pu: f64, time_ns: i64, duration_s: f64 },
+    /// The spool moves before its command leaves a rest: by so much, s, and pu, at a time, ns, in so many of all such places.
+    Precedes { lead_s: f64, spool_pu: f64, time_ns: i64, onsets: u64, leads: u64 },
+    /// All rests are at so many times their commands, which lie between two, pu; what is left, pu.
+    Scaled { ratio: f64, least_pu: f64, most_pu: f64, left_pu: f64 },
     /// At rest away from its command.
     RestsElsewhere { position_pu: f64, command_pu: f64, time_ns: i64, duration_s: f64 },
     /// The values are held and jump: signal, jumps, share of the travel.
@@ -61,6 +68,28 @@ impl Impossible {
                 "the servomotor stands at {} although the ESV has said shutdown for {duration_s:.0} s (at {time_ns} ns): is the meaning of the \
                  ESV the wrong way round?",
                 percent(position_pu)
+            ),
+            Self::TripsUnsaid { from_pu, to_pu, error_pu, spool_pu, time_ns, duration_s } => format!(
+                "the spool stands at {} for {duration_s:.1} s from {time_ns} ns on and the servomotor goes from {} to {}, while its command is up to {} above it \
+                 and the ESV says normal: the ESV has tripped without its state saying so (another topic's, or not recorded?), or command and measured \
+                 state are not of one machine",
+                percent(spool_pu),
+                percent(from_pu),
+                percent(to_pu),
+                percent(error_pu)
+            ),
+            Self::Precedes { lead_s, spool_pu, time_ns, onsets, leads } => format!(
+                "the spool moves before its command does, by {lead_s:.3} s or more, and by {} when the command leaves its rest (at {time_ns} ns), in {leads} of {onsets} \
+                 such places: the stamps of command and measured state are of two clocks; `--stamp log` aligns them where they were recorded as \
+                 they came",
+                percent(spool_pu)
+            ),
+            Self::Scaled { ratio, least_pu, most_pu, left_pu } => format!(
+                "the servomotor rests at {ratio:.3} times its command wherever both stand (commands from {} to {}, {:.2} % left): one of the two channels is \
+                 scaled (by a `range` of an import?), or the governor takes its command so",
+                percent(least_pu),
+                percent(most_pu),
+                left_pu * 100.0
             ),
             Self::RestsElsewhere { position_pu, command_pu, time_ns, duration_s } => {
                 let meant = match position_pu / command_pu {
