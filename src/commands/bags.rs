@@ -1,30 +1,29 @@
 //! Which bags a command line names: files, bag folders, and folders that hold many bags; and all of them read for a fit.
 
 mod excerpts;
+mod find;
 mod pressure;
+mod time_scale;
 
-use std::collections::BTreeSet;
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use govtwin_bag::import::Map;
 use govtwin_bag::{Health, Interpolation, Positions, ReadOptions, Stream, Topics, Warning};
-use govtwin_diagnosis::result::NEXT_TEST;
-use govtwin_files::look_at;
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
 use tempfile::TempDir;
 
+use super::import;
 use super::output::say;
-use super::{import, usage};
 use excerpts::Taken;
 use pressure::other_unit;
 
+#[cfg(feature = "lab")]
+pub use find::holds_bags;
+pub use find::{find, is_bag_folder};
 pub use pressure::doubt_of_pressure;
-
-/// Folders within folders deeper than this are a mistake.
-const DEEPEST: usize = 16;
+pub use time_scale::TimeScale;
 
 /// Time between rows of a recording that is simulated many times, ns: the twin's own tick.
 const TICK_NS: i64 = 1_000_000;
@@ -184,22 +183,30 @@ const OWN: &str = "simulated by govtwin's own twin, which says nothing of the un
 /// one of the servomotor stage, driven by its spool; that other inputs are missing is then no news. What is read is held against
 /// the sheet of the unit where it may have another unit of measure.
 pub fn read(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<Recordings> {
-    read_as(paths, topics, unit, Positions::of(unit.recorded), false).inspect(tell)
+    let reading = Reading { positions: Positions::of(unit.recorded), uncut: false, timed: true };
+    read_as(paths, topics, unit, reading).inspect(tell)
+}
+
+/// The same of a unit whose sheet is looked for: nothing says yet how fast it is.
+pub fn read_for_sheet(paths: &[PathBuf], topics: &Topics, reference: &Unit) -> anyhow::Result<Recordings> {
+    let reading = Reading { positions: Positions::of(reference.recorded), uncut: false, timed: false };
+    read_as(paths, topics, reference, reading).inspect(tell)
 }
 
 /// Reads all bags where no sheet is given, and says whether there is nothing but servomotor stages in them, whose positions are then in any unit.
 ///
-/// `stage` takes the servomotor stage of recordings with a command as well, where it is wanted.
+/// `stage` takes the servomotor stage of recordings with a command as well, where it is wanted; `timed` holds their time against the reference.
 pub fn read_without_sheet(
     paths: &[PathBuf],
     topics: &Topics,
     reference: &Unit,
     stage: StageWanted,
+    timed: bool,
 ) -> anyhow::Result<(Recordings, bool)> {
     let has_command = |found: &Recordings| found.recordings.iter().any(Recording::has_command);
     // Whole chains are what is nearly always given: they are read once.
-    let positions = Positions::of(reference.recorded);
-    let chains = (stage == StageWanted::IfNoCommand).then(|| read_as(paths, topics, reference, positions, false));
+    let whole = Reading { positions: Positions::of(reference.recorded), uncut: false, timed };
+    let chains = (stage == StageWanted::IfNoCommand).then(|| read_as(paths, topics, reference, whole));
     let chains = match chains {
         Some(Ok(found)) if has_command(&found) => {
             tell(&found);
@@ -207,7 +214,8 @@ pub fn read_without_sheet(
         }
         others => others,
     };
-    let mut found = read_as(paths, topics, reference, Positions::AnyUnit, stage == StageWanted::Uncut)?;
+    let any = Reading { positions: Positions::AnyUnit, uncut: stage == StageWanted::Uncut, timed: false };
+    let mut found = read_as(paths, topics, reference, any)?;
     if let Some(chains) = chains.filter(|_| has_command(&found)) {
         // No chain with its command can be used; where nothing but the command is in another unit, the stage can.
         chains?;
@@ -241,13 +249,18 @@ fn tell(found: &Recordings) {
     }
 }
 
-fn read_as(
-    paths: &[PathBuf],
-    topics: &Topics,
-    unit: &Unit,
+/// How bags are read.
+#[derive(Clone, Copy, Debug)]
+struct Reading {
     positions: Positions,
+    /// Long recordings whole.
     uncut: bool,
-) -> anyhow::Result<Recordings> {
+    /// The twin of the unit tells whether their time is that of the plant.
+    timed: bool,
+}
+
+fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) -> anyhow::Result<Recordings> {
+    let Reading { positions, uncut, timed } = reading;
     let bags = find(paths)?;
     let options = ReadOptions {
         positions,
@@ -261,7 +274,10 @@ fn read_as(
     let some_measured = loaded.iter().flatten().any(|taken| !is_own(taken));
     for (bag, taken) in bags.into_iter().zip(loaded) {
         let Bag { path, name } = bag;
-        let taken = taken.and_then(|taken| match untrusted(&taken, topics, unit) {
+        let can_tell = |taken: &&Taken| timed && !is_own(taken) && taken.health.disqualified().is_none();
+        let told = taken.as_ref().ok().filter(can_tell);
+        let scale = told.and_then(|taken| TimeScale::most(&taken.recordings, unit));
+        let taken = taken.and_then(|taken| match untrusted(&taken, topics, unit, scale.as_ref()) {
             Some(reason) => Err(format!("{}: {reason}", path.display())),
             None => Ok(taken),
         });
@@ -275,7 +291,8 @@ fn read_as(
                 let news = |warning: &&Warning| has_command || !matches!(warning, Warning::Filled { .. });
                 warnings.extend(health.warnings.iter().filter(news).map(|warning| format!("{name}: {warning}")));
                 let doubt = taken.iter().find_map(|recording| doubt_of_pressure(recording, topics, unit));
-                warnings.extend(doubt.map(|doubt| format!("{name}: {doubt}")));
+                let scaled = scale.map(|scale| scale.words());
+                warnings.extend(doubt.into_iter().chain(scaled).map(|doubt| format!("{name}: {doubt}")));
                 recordings.extend(taken);
                 (Some(health), None, excerpt)
             }
@@ -294,126 +311,10 @@ fn read_as(
 }
 
 /// Why nothing can be concluded from what was taken of a bag.
-fn untrusted(taken: &Taken, topics: &Topics, unit: &Unit) -> Option<String> {
+fn untrusted(taken: &Taken, topics: &Topics, unit: &Unit, scale: Option<&TimeScale>) -> Option<String> {
     let of_other = || taken.recordings.iter().find_map(|recording| other_unit(recording, topics, unit));
-    taken.health.disqualified().or_else(of_other)
-}
-
-/// All bags that the paths name, each once, in the order given and by name within a folder.
-///
-/// A folder with `metadata.yaml` is one bag; any other stands for the bags in it, however deep.
-pub fn find(paths: &[PathBuf]) -> anyhow::Result<Vec<Bag>> {
-    let mut found = vec![];
-    for path in paths {
-        if path.as_os_str() == "-" {
-            return Err(usage(
-                "`-`: a bag cannot be read from a pipe, since it is read at more than one place; write it to a file first and name that",
-            ));
-        }
-        let before = found.len();
-        collect(path, &mut vec![], &mut found)?;
-        if found.len() == before && path.is_dir() {
-            anyhow::bail!(
-                "{}: no bag in this folder: expected `metadata.yaml`, or .mcap files in it or below it",
-                path.display()
-            );
-        }
-    }
-    let mut seen = BTreeSet::new();
-    found.retain(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
-    let names = names(&found);
-    Ok(found.into_iter().zip(names).map(|(path, name)| Bag { path, name }).collect())
-}
-
-#[cfg(feature = "lab")]
-/// Whether a path is a folder with bags in it.
-pub fn holds_bags(path: &Path) -> anyhow::Result<bool> {
-    let mut found = vec![];
-    collect(path, &mut vec![], &mut found)?;
-    // A file is meant itself.
-    Ok(!found.is_empty() && (found != [path] || check_bag_folder(path)?))
-}
-
-/// Whether a folder is one bag, where it can be looked at.
-pub fn is_bag_folder(path: &Path) -> bool {
-    check_bag_folder(path).unwrap_or(false)
-}
-
-/// Whether a folder is one bag.
-fn check_bag_folder(path: &Path) -> anyhow::Result<bool> {
-    let file = path.join("metadata.yaml");
-    let kind = look_at(&file).with_context(|| format!("cannot look at {}", file.display()))?;
-    Ok(kind.is_some_and(|kind| kind.is_file()))
-}
-
-/// Whether a file is called as a bag's: `.mcap`, or compressed as a whole `.mcap.zstd`.
-fn is_bag_file(path: &Path) -> bool {
-    let has = |path: &Path, suffix: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(suffix));
-    has(path, "mcap") || (has(path, "zstd") && has(&path.with_extension(""), "mcap"))
-}
-
-/// `above` are the real paths of the folders on the way.
-fn collect(path: &Path, above: &mut Vec<PathBuf>, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
-    let kind = look_at(path).with_context(|| format!("cannot look at {}", path.display()))?;
-    if !kind.is_some_and(|kind| kind.is_dir()) || check_bag_folder(path)? {
-        found.push(path.to_owned());
-        return Ok(());
-    }
-    let reading = || format!("cannot read the folder {}", path.display());
-    let real = path.canonicalize().with_context(reading)?;
-    if above.contains(&real) {
-        // A link that leads back: everything below it is found without it.
-        return Ok(());
-    }
-    if above.len() > DEEPEST {
-        anyhow::bail!(
-            "{}: folders go deeper than {DEEPEST} levels; name one that is nearer to the bags",
-            path.display()
-        );
-    }
-    above.push(real);
-    let mut entries = vec![];
-    for entry in path.read_dir().with_context(reading)? {
-        entries.push(entry.with_context(reading)?.path());
-    }
-    entries.sort();
-    for entry in entries {
-        // A proposed test is a script for a governor, and is beside the recordings if a diagnosis is written into their folder.
-        let is_no_recording = |name: &OsStr| name.as_encoded_bytes().starts_with(b".") || name == NEXT_TEST;
-        let hidden = entry.file_name().is_some_and(is_no_recording);
-        let looking = || format!("cannot look at {}", entry.display());
-        if !hidden && (is_bag_file(&entry) || look_at(&entry).with_context(looking)?.is_some_and(|kind| kind.is_dir()))
-        {
-            collect(&entry, above, found)?;
-        }
-    }
-    above.pop();
-    Ok(())
-}
-
-/// The shortest names that differ: a file's name without suffix, then with its folder, and so on.
-fn names(paths: &[PathBuf]) -> Vec<String> {
-    let parts: Vec<Vec<String>> = paths.iter().map(|path| parts(path)).collect();
-    let name = |i: usize, levels: usize| parts[i][parts[i].len().saturating_sub(levels)..].join("/");
-    let deepest = parts.iter().map(Vec::len).max().unwrap_or(0);
-    (0..paths.len())
-        .map(|i| {
-            let alone = |levels: &usize| (0..paths.len()).all(|k| k == i || name(k, *levels) != name(i, *levels));
-            name(i, (1..deepest).find(alone).unwrap_or(deepest))
-        })
-        .collect()
-}
-
-/// The parts of a path that name it, from the root down.
-fn parts(path: &Path) -> Vec<String> {
-    let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let stem = if full.is_dir() { full.file_name() } else { full.file_stem() };
-    let parents = full.parent().map(Path::components).into_iter().flatten();
-    let normal = parents.filter_map(|part| match part {
-        std::path::Component::Normal(name) => Some(name),
-        _ => None,
-    });
-    normal.chain(stem).map(|name| name.to_string_lossy().into_owned()).collect()
+    let other_time = || scale.filter(|scale| scale.is_certain()).map(TimeScale::words);
+    taken.health.disqualified().or_else(of_other).or_else(other_time)
 }
 
 #[cfg(test)]

@@ -193,7 +193,7 @@ fn read(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<Recording
     if args.params.is_some() {
         return bags::read(paths, &topics, unit);
     }
-    let (mut found, only_stages) = bags::read_without_sheet(paths, &topics, unit, StageWanted::IfNoCommand)?;
+    let (mut found, only_stages) = bags::read_without_sheet(paths, &topics, unit, StageWanted::IfNoCommand, true)?;
     if only_stages {
         // A command in another unit than pu drives no chain.
         let frames = found.recordings.iter_mut().flat_map(|recording| &mut recording.frames);

@@ -152,7 +152,7 @@ fn recorded(args: &New, plate: &mut Plate, reference: &Unit) -> anyhow::Result<O
         return Ok(None);
     }
     let mapped = args.map.open(&args.from)?;
-    let read = bags::read(&mapped.paths, &args.topics.topics(), reference)?;
+    let read = bags::read_for_sheet(&mapped.paths, &args.topics.topics(), reference)?;
     mapped.warnings.iter().chain(&read.warnings).for_each(|warning| warn(warning));
     let filled = fill(plate, &read.recordings, reference);
     Ok(Some(filled.map_err(|reason| anyhow::anyhow!("--from: {reason}"))?))

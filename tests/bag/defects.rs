@@ -37,7 +37,7 @@ const fn doubtful(what: &'static str, change: fn(&mut Vec<Frame>)) -> Defect {
 }
 
 /// Those of wiring, channels, clocks and machines.
-pub const DEFECTS: [Defect; 32] = [
+pub const DEFECTS: [Defect; 37] = [
     impossible("the position is the command", |rows| {
         map(rows, |_, row| row.measured.servomotor_position_pu = row.inputs.opening_command_pu);
     }),
@@ -58,6 +58,8 @@ pub const DEFECTS: [Defect; 32] = [
     impossible("the position is turned", |rows| servomotor(rows, |_, position| 1.0 - position)),
     impossible("the position is doubled", |rows| servomotor(rows, |_, position| 2.0 * position)),
     impossible("the position is halved", |rows| servomotor(rows, |_, position| 0.5 * position)),
+    impossible("the position is four fifths", |rows| servomotor(rows, |_, position| 0.8 * position)),
+    impossible("the position is a quarter more", |rows| servomotor(rows, |_, position| 1.25 * position)),
     impossible("the position is off by a tenth", |rows| servomotor(rows, |_, position| position + 0.1)),
     impossible("the command is halved", |rows| command(rows, |opening| 0.5 * opening)),
     impossible("the command is turned", |rows| command(rows, |opening| 1.0 - opening)),
@@ -100,6 +102,9 @@ pub const DEFECTS: [Defect; 32] = [
     of_another("the pressure is twice as high", |rows| pressure(rows, 2.0)),
     of_another("the pressure is half", |rows| pressure(rows, 0.5)),
     of_another("the pressure is in bar", |rows| pressure(rows, 1e-5)),
+    of_another("time is stretched by a half", |rows| time(rows, 1.5)),
+    of_another("time is stretched ten times", |rows| time(rows, 10.0)),
+    of_another("time is half", |rows| time(rows, 0.5)),
     doubtful("the response comes before the command", |rows| {
         let commands: Vec<f64> = rows.iter().map(|row| row.inputs.opening_command_pu).collect();
         map(rows, |k, row| row.inputs.opening_command_pu = commands[k.saturating_sub(100)]);
@@ -125,6 +130,11 @@ fn command(rows: &mut [Frame], change: impl Fn(f64) -> f64) {
 
 fn pressure(rows: &mut [Frame], times: f64) {
     map(rows, |_, row| row.inputs.tank_pressure_pa *= times);
+}
+
+fn time(rows: &mut [Frame], times: f64) {
+    let begin_ns = rows[0].time_ns;
+    map(rows, |_, row| row.time_ns = begin_ns + ((row.time_ns - begin_ns) as f64 * times) as i64);
 }
 
 fn spool(rows: &mut [Frame], change: impl Fn(usize, f64) -> f64) {

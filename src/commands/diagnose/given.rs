@@ -75,7 +75,7 @@ pub fn read(args: &UnitArgs, paths: &[PathBuf], topics: &Topics, sheet: &Unit) -
         return Ok(Given { recordings: bags::read(paths, topics, &unit)?, unit, by: By::Sheet });
     }
     let stage = if args.stage_alone { StageWanted::Uncut } else { StageWanted::IfNoCommand };
-    let (recordings, only_stages) = bags::read_without_sheet(paths, topics, &unit, stage)?;
+    let (recordings, only_stages) = bags::read_without_sheet(paths, topics, &unit, stage, !args.no_sheet)?;
     if only_stages {
         return Ok(Given { recordings, unit, by: By::Nothing { note: None } });
     }
@@ -85,7 +85,7 @@ pub fn read(args: &UnitArgs, paths: &[PathBuf], topics: &Topics, sheet: &Unit) -
     match made_of(&recordings.recordings, &unit) {
         Ok((unit, text, note)) => Ok(Given { recordings, unit, by: By::Recordings { text, note } }),
         Err(reason) => {
-            let (recordings, _) = bags::read_without_sheet(paths, topics, &unit, StageWanted::Always)?;
+            let (recordings, _) = bags::read_without_sheet(paths, topics, &unit, StageWanted::Always, false)?;
             let note = format!("The whole chain is not judged without a data sheet: {reason}.");
             Ok(Given { recordings, unit, by: By::Nothing { note: Some(note) } })
         }
