@@ -95,6 +95,17 @@ fn values_that_are_not_good_are_left_out() {
         let truth = rejection().iter().enumerate().filter(|(k, _)| !bad(*k)).map(|(_, row)| row.values[1] * 0.01);
         assert!(found.iter().zip(truth).all(|((_, value), truth)| (value - truth).abs() < 1e-9), "{what}");
     }
+    // The only column of its kind is that of whole rows, wherever it stands.
+    let mut text = "t [s],Status,cmd [%],spool [%],servo [%]\n".to_owned();
+    for (k, row) in rejection().iter().enumerate() {
+        let (values, status) =
+            if bad(k) { ([0.0; 3], "Bad") } else { ([row.values[0], row.values[2], row.values[1]], "Good") };
+        let _ = writeln!(text, "{:.2},{status},{},{},{}", row.time_s, values[0], values[1], values[2]);
+    }
+    let (rows, ..) = by_proposal(&text).unwrap();
+    for target in [Target::ServomotorPosition, Target::SpoolPosition] {
+        assert_eq!(series(&rows, target).len(), 970, "{target:?}");
+    }
     // A column that may be a quality, and does not say which of its states is good, is asked about.
     let mut text = "t [s],cmd [%],servo [%],servo quality\n".to_owned();
     for (k, row) in rejection().iter().enumerate() {

@@ -117,6 +117,8 @@ const STEP_S: std::ops::RangeInclusive<f64> = 2e-4..=5.0;
 /// The same where the header states the unit.
 const STATED_STEP_S: std::ops::RangeInclusive<f64> = 1e-5..=60.0;
 
+/// What Excel counts in those years, days.
+const EXCEL: std::ops::Range<f64> = 33_604.0..54_789.0;
 /// What WinCC counts in those years, millionths of a day.
 const WINCC: std::ops::Range<f64> = 3.36e10..5.48e10;
 
@@ -209,6 +211,11 @@ fn number(values: &[f64], name: &str, unit: &str) -> Result<Detected, String> {
         return found(Format::Matlab, "numbers of this size with such small steps are MATLAB's days");
     }
     if (2e4..8e4).contains(&first) {
+        if step < 0.002 && !EXCEL.contains(&first) {
+            return asked(
+                "as days of Excel they are of no recording's year, and Modified Julian Days are not read: export dates as text",
+            );
+        }
         if step < 0.002 {
             return found(Format::Excel, "numbers of this size with such small steps are Excel's days");
         }
@@ -285,6 +292,7 @@ mod tests {
             (["05/02/2024 10:00:00", "05/02/2024 10:00:01", "05/02/2024 10:00:02"], "month/day or day/month"),
             (["45000", "45001", "45002"], "days of Excel, or seconds?"),
             (["0", "1", "2"], "in which unit?"),
+            (["61305.7766204", "61305.7766208", "61305.7766213"], "Modified Julian Days"),
             (["900000000", "900000040", "900000080"], "as seconds since 1970 its rows are 40 s apart"),
             (["0.0", "0.00001", "0.00002"], "say how it counts"),
             (["5.5e10", "5.6e10", "5.7e10"], "in which unit?"),

@@ -266,6 +266,16 @@ pub(in crate::import) fn column_of(names: &[String], value: usize) -> Option<usi
             .filter(|index| says_quality(&names[*index]) && base(&names[*index]).is_empty() && !says_quality(own)))
 }
 
+/// The only column that is called a quality and nothing else: that of whole rows.
+pub(in crate::import) fn column_of_rows(names: &[String]) -> Option<usize> {
+    let is_bare = |name: &String| {
+        let words = words_of(name);
+        !words.is_empty() && words.iter().all(|word| is_quality_word(word))
+    };
+    let mut bare = (0..names.len()).filter(|index| is_bare(&names[*index]));
+    bare.next().filter(|_| bare.next().is_none())
+}
+
 /// The column of a table with one value a line that holds the quality of each.
 pub(in crate::import) fn column_of_lines(names: &[String], taken: &[usize]) -> Option<usize> {
     let is_one = |name: &String| {
@@ -328,6 +338,11 @@ mod tests {
             ("t,gateValue,gateStatusCode", 1, Some(2)),
         ] {
             assert_eq!(column_of(&names(header), value), quality, "{header} {value}");
+        }
+        for (header, quality) in
+            [("t,Y,Z,Status", Some(3)), ("t,Y,Quality,Z,Quality", None), ("t,Y_Q,Y,UNIT_STATUS", None)]
+        {
+            assert_eq!(column_of_rows(&names(header)), quality, "{header}");
         }
         assert_eq!(column_of_lines(&names("Tag,Timestamp,Value,Status"), &[0, 1, 2]), Some(3));
     }

@@ -9,7 +9,7 @@ use super::channel::{Bad, ChannelValue, SourceChannel};
 use super::head::{TableHead, with_header_unit};
 use super::machine::MachineLook;
 use super::order::{RowOrder, Steps};
-use super::quality::{Quality, QualityLook, column_of, column_of_lines};
+use super::quality::{Quality, QualityLook, column_of, column_of_lines, column_of_rows};
 use super::records::TableRecords;
 use super::timing::{TimeGroup, Timing, own_times, timing};
 use super::{Source, SourceNotes};
@@ -168,6 +168,7 @@ impl<R: TableRecords> TableSource<R> {
         }
         // Columns with times of their own do not go on together.
         self.rises = steps.rises() && self.times.len() == 1;
+        let mut asked = vec![];
         for (place, index, look) in looks {
             let column = &mut self.columns[place];
             let (name, id) = (&self.head.names[index], column.channel.map.target.id());
@@ -177,10 +178,15 @@ impl<R: TableRecords> TableSource<R> {
             }
             match look.quality(name) {
                 Ok(quality) => column.quality = quality.map(|quality| (index, quality)),
-                Err(found) => self.warnings.push(format!(
-                    "{id}: column `{name}` may say which of its values are good, and holds {found}; say which with `quality: \"{name}\", \
-                     good: […]` in the signal, or `quality: none`; all values are taken"
-                )),
+                // What may be of whole rows is asked once.
+                Err(_) if asked.contains(&index) => {}
+                Err(found) => {
+                    asked.push(index);
+                    self.warnings.push(format!(
+                        "{id}: column `{name}` may say which of its values are good, and holds {found}; say which with `quality: \"{name}\", \
+                         good: […]` in the signal, or `quality: none`; all values are taken"
+                    ));
+                }
             }
         }
         Ok(())
@@ -202,7 +208,7 @@ impl<R: TableRecords> TableSource<R> {
                     column_of_lines(names, &taken)
                 }
                 // What is mapped as a signal is no quality of another.
-                None => column_of(names, column.index).filter(|index| {
+                None => column_of(names, column.index).or_else(|| column_of_rows(names)).filter(|index| {
                     let mapped = |signal: &SignalMap| signal.place() == Some(names[*index].as_str());
                     !map.signals.iter().any(mapped)
                 }),
