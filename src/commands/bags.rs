@@ -12,6 +12,7 @@ use govtwin_bag::import::Map;
 use govtwin_bag::{Health, Interpolation, Positions, ReadOptions, Stream, Topics, Warning};
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
+use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use tempfile::TempDir;
 
 use super::import;
@@ -272,12 +273,15 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
     let (mut recordings, mut warnings, mut refused, mut read) = (vec![], vec![], vec![], vec![]);
     let is_own = |taken: &Taken| taken.health.files.iter().any(|file| file.from_the_twin);
     let some_measured = loaded.iter().flatten().any(|taken| !is_own(taken));
-    for (bag, taken) in bags.into_iter().zip(loaded) {
+    let can_tell = |taken: &&Taken| timed && !is_own(taken) && taken.health.disqualified().is_none();
+    let scale = |taken: &Taken| TimeScale::most(&taken.recordings, unit);
+    let scales: Vec<Option<TimeScale>> =
+        loaded.par_iter().map(|taken| taken.as_ref().ok().filter(can_tell).and_then(scale)).collect();
+    let agree = TimeScale::agree(scales.iter().flatten());
+    for ((bag, taken), scale) in bags.into_iter().zip(loaded).zip(scales) {
         let Bag { path, name } = bag;
-        let can_tell = |taken: &&Taken| timed && !is_own(taken) && taken.health.disqualified().is_none();
-        let told = taken.as_ref().ok().filter(can_tell);
-        let scale = told.and_then(|taken| TimeScale::most(&taken.recordings, unit));
-        let taken = taken.and_then(|taken| match untrusted(&taken, topics, unit, scale.as_ref()) {
+        let scaled = scale.filter(TimeScale::is_other).map(|scale| scale.words(!agree));
+        let taken = taken.and_then(|taken| match untrusted(&taken, topics, unit, scaled.clone().filter(|_| agree)) {
             Some(reason) => Err(format!("{}: {reason}", path.display())),
             None => Ok(taken),
         });
@@ -291,7 +295,6 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
                 let news = |warning: &&Warning| has_command || !matches!(warning, Warning::Filled { .. });
                 warnings.extend(health.warnings.iter().filter(news).map(|warning| format!("{name}: {warning}")));
                 let doubt = taken.iter().find_map(|recording| doubt_of_pressure(recording, topics, unit));
-                let scaled = scale.map(|scale| scale.words());
                 warnings.extend(doubt.into_iter().chain(scaled).map(|doubt| format!("{name}: {doubt}")));
                 recordings.extend(taken);
                 (Some(health), None, excerpt)
@@ -311,10 +314,9 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
 }
 
 /// Why nothing can be concluded from what was taken of a bag.
-fn untrusted(taken: &Taken, topics: &Topics, unit: &Unit, scale: Option<&TimeScale>) -> Option<String> {
+fn untrusted(taken: &Taken, topics: &Topics, unit: &Unit, scaled: Option<String>) -> Option<String> {
     let of_other = || taken.recordings.iter().find_map(|recording| other_unit(recording, topics, unit));
-    let other_time = || scale.filter(|scale| scale.is_certain()).map(TimeScale::words);
-    taken.health.disqualified().or_else(of_other).or_else(other_time)
+    taken.health.disqualified().or_else(of_other).or(scaled)
 }
 
 #[cfg(test)]

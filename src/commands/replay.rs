@@ -345,7 +345,8 @@ fn replay(
     };
     let mut warnings: Vec<String> = health.warnings.iter().map(ToString::to_string).collect();
     warnings.extend(bags::doubt_of_pressure(&replayed.recording, &options.topics, unit));
-    warnings.extend(bags::TimeScale::of(&replayed.recording, unit).map(|scale| scale.words()));
+    let scale = bags::TimeScale::of(&replayed.recording, unit).filter(bags::TimeScale::is_other);
+    warnings.extend(scale.map(|scale| scale.words(true)));
     let marked = provenance::marked(Some(&health), given)?;
     let source = RecordingSource {
         path: given.display().to_string(),

@@ -219,19 +219,11 @@ mod tests {
         let text = "units:\n  a: {effects: {backlash: 0.003}, in_the_catalogue: true, stages: [servomotor], rate_hz: 5, gap_over_noise: {startup: [2.5, 4], shutdown: [3]}}\n  \
                     b: {effects: {a sticky band: 2}, in_the_catalogue: false, stages: [spool]}\n  c: {effects: {}}\n";
         let labels = read(text).unwrap();
-        let all: Vec<(&str, bool, Vec<(&str, Stage, f64)>)> = labels
-            .iter()
-            .map(|label| {
-                let effects = label.effects.iter().map(|one| (one.id.as_str(), one.stage, one.size)).collect();
-                (label.name.as_str(), label.listed, effects)
-            })
-            .collect();
-        let expected = [
-            ("a", true, vec![("backlash", Stage::Servomotor, 0.003)]),
-            ("b", false, vec![("a sticky band", Stage::Spool, 2.0)]),
-            ("c", true, vec![]),
-        ];
-        assert_eq!(all, expected);
+        let units: Vec<(&str, bool)> = labels.iter().map(|label| (label.name.as_str(), label.listed)).collect();
+        assert_eq!(units, [("a", true), ("b", false), ("c", true)]);
+        let effects = labels.iter().flat_map(|label| &label.effects);
+        let effects: Vec<(&str, Stage, f64)> = effects.map(|one| (one.id.as_str(), one.stage, one.size)).collect();
+        assert_eq!(effects, [("backlash", Stage::Servomotor, 0.003), ("a sticky band", Stage::Spool, 2.0)]);
         assert!((labels[0].strength_ratio - 4.0).abs() < 1e-12 && labels[2].strength_ratio.is_nan());
         let error = read("b: {effects: {a sticky band: 2}}").unwrap_err().to_string();
         assert!(error.contains("b.stages: expected a list of stages"), "{error}");

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use govtwin_bag::import::suggest::{Known, Suggestion, suggest};
-use govtwin_bag::import::{ImportError, ImportOutcome, ImportedRow, Map, Target, map_text};
+use govtwin_bag::import::{ImportError, ImportOutcome, ImportedRow, Target, map_text};
 use govtwin_bag::{self as bag, ReadOptions};
 
 use super::{file, rows, shipped};

@@ -1,7 +1,8 @@
 //! Whether the time of a recording is that of the plant: the sheet's twin follows one whose time is stretched only where it runs at that scale.
 //!
 //! No fault slows spool and servomotor alike, by the same factor in whatever they do; a clock in another unit, or an export by a wrong rate, does. A
-//! recording of another unit may look so too, and a loss of oil flow nearly so: what is said names them.
+//! recording of another unit may look so too. A loss of oil flow looks so in one recording, by another factor in each: only where several agree
+//! is nothing concluded from them.
 
 use govtwin_model::frame::Frame;
 use govtwin_model::parameters::Unit;
@@ -9,6 +10,7 @@ use govtwin_model::recording::Recording;
 use govtwin_model::replay::{Scores, simulate};
 use govtwin_model::signal::{Signal, span};
 use govtwin_model::twin::Twin;
+use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// Scales are tried by this factor, from that of the recording on in the direction in which the error falls, up to the last.
 const STEP: f64 = 1.2;
@@ -17,15 +19,16 @@ const MOST_STEPS: i32 = 18;
 const HALVINGS: i32 = 4;
 /// A smaller factor is one of tolerances and faults: flows of valves and ports are known to some per cent, loads and losses take up to a quarter.
 const LEAST: f64 = 1.3;
-/// Of the squared error so much may remain, as a mean over the signals, for a doubt, and for certainty.
+/// Of the squared error so much may remain, as a mean over the signals, for a doubt.
 const DOUBTFUL: f64 = 0.25;
-const CERTAIN: f64 = 0.1;
+/// Factors of recordings that agree differ by no more than this one.
+const ALIKE: f64 = 1.1;
 /// The first so many rows are enough, five minutes of the twin's ticks.
 const MOST_ROWS: usize = 300_000;
 /// A servomotor that moves less tells nothing, pu.
 const MOVED_PU: f64 = 0.05;
 
-/// A scale of time at which the sheet's twin follows a recording, while it does not at the recording's own.
+/// The scale of time at which the sheet's twin follows a recording best.
 #[derive(Clone, Copy, Debug)]
 pub struct TimeScale {
     /// The recording's time over the plant's.
@@ -37,7 +40,7 @@ pub struct TimeScale {
 }
 
 impl TimeScale {
-    /// The scale of the recording that shows it best, of those taken of one bag.
+    /// That of the recording that shows it best, of those taken of one bag; none where none can tell.
     pub fn most(recordings: &[Recording], unit: &Unit) -> Option<Self> {
         recordings
             .iter()
@@ -45,7 +48,7 @@ impl TimeScale {
             .min_by(|a, b| a.remains.total_cmp(&b.remains))
     }
 
-    /// The scale of a recording's time, where it is not that of the sheet's twin.
+    /// That of a recording; none where it has no command or hardly moves.
     pub fn of(recording: &Recording, unit: &Unit) -> Option<Self> {
         let frames = &recording.frames[..recording.frames.len().min(MOST_ROWS)];
         let moves = |frame: &Frame| Signal::ServomotorPosition.of(&frame.measured);
@@ -73,11 +76,8 @@ impl TimeScale {
             }
             (best, least) = (steps, found);
         }
-        if best == 0.0 {
-            return None;
-        }
         let mut near = 0.5;
-        for _ in 0..HALVINGS {
+        for _ in 0..if best == 0.0 { 0 } else { HALVINGS } {
             for steps in [best - near, best + near] {
                 let found = at(steps);
                 if found < least {
@@ -90,20 +90,28 @@ impl TimeScale {
         let factor = STEP.powf(best);
         let found = errors(best);
         let pair = |k: usize| own[k].zip(found[k]).map(|(own, found)| [own, found]);
-        (factor.max(1.0 / factor) > LEAST && least < DOUBTFUL).then(|| Self {
-            factor,
-            errors_pu: [pair(0), pair(1)],
-            remains: least,
-        })
+        Some(Self { factor, errors_pu: [pair(0), pair(1)], remains: least })
     }
 
-    /// Whether nothing but another time, or another unit, explains it.
-    pub fn is_certain(&self) -> bool {
-        self.remains < CERTAIN
+    /// Whether the twin follows the recording at another scale, and not at the recording's own.
+    pub fn is_other(&self) -> bool {
+        self.factor.max(1.0 / self.factor) > LEAST && self.remains < DOUBTFUL
     }
 
-    /// In words, with the way out.
-    pub fn words(&self) -> String {
+    /// Whether nothing but another time, or another unit, explains several recordings: all that can tell have the same other scale.
+    pub fn agree<'a>(all: impl Iterator<Item = &'a Self>) -> bool {
+        let (mut count, mut least, mut most) = (0, f64::INFINITY, 0.0_f64);
+        for scale in all {
+            if !scale.is_other() {
+                return false;
+            }
+            (count, least, most) = (count + 1, least.min(scale.factor), most.max(scale.factor));
+        }
+        count > 1 && most <= ALIKE * least
+    }
+
+    /// In words, with the way out; `alone` where no other recording says the same.
+    pub fn words(&self, alone: bool) -> String {
         let fall = |(signal, errors): (&Signal, &Option<[f64; 2]>)| {
             let [own, found] = errors.as_ref()?.map(|pu| pu * 100.0);
             Some(format!("of {} from {own:.2} % to {found:.2} %", signal.id()))
@@ -111,7 +119,7 @@ impl TimeScale {
         let falls: Vec<String> = Signal::POSITIONS.iter().zip(&self.errors_pu).filter_map(fall).collect();
         let factor = self.factor;
         let (what, rest) = if factor > 1.0 { ("stretched", factor) } else { ("compressed", 1.0 / factor) };
-        let also = if self.is_certain() { "" } else { ", or a loss of oil flow slows both" };
+        let also = if alone && factor > 1.0 { ", or a loss of oil flow slows both" } else { "" };
         format!(
             "with its time divided by {factor:.2} the sheet's twin follows it, the error falls {}: the recording is not of this unit, or its time is {what} by {rest:.2}{also}; \
              check the unit and the rate of its time (`time:` of an import map), or name the sheet of its unit with --params",
@@ -124,12 +132,31 @@ impl TimeScale {
 fn errors_pu(twin: &Twin, frames: &[Frame], factor: f64) -> [Option<f64>; 2] {
     let begin_ns = frames.first().map_or(0, |frame| frame.time_ns);
     let scaled = |frame: &Frame| {
-        let after_ns = (frame.time_ns.saturating_sub(begin_ns)) as f64 / factor;
-        Frame { time_ns: begin_ns.saturating_add(after_ns as i64), ..*frame }
+        let after_s = seconds_from_nanos(frame.time_ns.saturating_sub(begin_ns)) / factor;
+        Frame { time_ns: begin_ns.saturating_add(nanos_from_seconds(after_s)), ..*frame }
     };
     let recording = Recording::new("", frames.iter().map(scaled).collect());
     let estimates = simulate(&mut twin.clone(), &recording);
     let scores = Scores::of(&recording, &estimates);
     let rmse_pu = |signal| Some(scores.figures(signal).rmse).filter(|rmse| rmse.is_finite() && *rmse > 0.0);
     Signal::POSITIONS.map(rmse_pu)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::TimeScale;
+
+    /// A loss of oil flow slows each recording by another factor, and one that does not ask for flow by none.
+    #[test]
+    fn recordings_agree_where_all_have_the_same_other_scale() {
+        let agree = |told: &[(f64, f64)]| {
+            let scales: Vec<TimeScale> =
+                told.iter().map(|&(factor, remains)| TimeScale { factor, errors_pu: [None; 2], remains }).collect();
+            TimeScale::agree(scales.iter())
+        };
+        assert!(agree(&[(2.0, 0.01), (1.95, 0.2)]) && agree(&[(0.5, 0.01); 3]));
+        assert!(!agree(&[(2.07, 0.01), (1.41, 0.1)]), "as a supply loss has it");
+        assert!(!agree(&[(2.0, 0.01), (1.0, 1.0)]) && !agree(&[(2.0, 0.01), (2.0, 0.5)]));
+        assert!(!agree(&[(2.0, 0.01)]) && !agree(&[]));
+    }
 }
