@@ -49,7 +49,7 @@ fn write(folder: &Path, seconds: i64) -> PathBuf {
         writer.write(command, log_ns, &GovernorCommand { header: header.clone(), opening }).unwrap();
         let state = ServoState {
             header,
-            spool_position: 0.01 * (step as f64 * 5e-4).cos() + 0.002 * noise(4),
+            spool_position: 0.08 * (step as f64 * 5e-4).cos() + 0.002 * noise(4),
             servomotor_position: opening + 0.001 * noise(5),
             pilot_valve_position: f64::NAN,
             control_pressure: f64::NAN,

@@ -5,6 +5,7 @@
 //! is nothing concluded from them.
 
 use govtwin_model::frame::Frame;
+use govtwin_model::metrics::Figures;
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
 use govtwin_model::replay::{Scores, simulate};
@@ -19,7 +20,7 @@ const MOST_STEPS: i32 = 18;
 const HALVINGS: i32 = 4;
 /// A smaller factor is one of tolerances and faults: flows of valves and ports are known to some per cent, loads and losses take up to a quarter.
 const LEAST: f64 = 1.3;
-/// Of the squared error so much may remain, as a mean over the signals, for a doubt.
+/// Of the squared error so much may remain, as a mean over the signals, and of each signal's variance, where the twin follows.
 const DOUBTFUL: f64 = 0.25;
 /// Factors of recordings that agree differ by no more than this one.
 const ALIKE: f64 = 1.1;
@@ -48,7 +49,7 @@ impl TimeScale {
             .min_by(|a, b| a.remains.total_cmp(&b.remains))
     }
 
-    /// That of a recording; none where it has no command or hardly moves.
+    /// That of a recording; none where it has no command, hardly moves, or is followed at no scale.
     pub fn of(recording: &Recording, unit: &Unit) -> Option<Self> {
         let frames = &recording.frames[..recording.frames.len().min(MOST_ROWS)];
         let moves = |frame: &Frame| Signal::ServomotorPosition.of(&frame.measured);
@@ -57,15 +58,15 @@ impl TimeScale {
             return None;
         }
         let twin = Twin::new(unit);
-        let errors = |steps: f64| errors_pu(&twin, frames, STEP.powf(steps));
-        let own = errors(0.0);
-        let remains = |found: &[Option<f64>; 2]| {
-            let ratios =
-                own.iter().zip(found).filter_map(|(own, found)| Some((found.as_ref()? / own.as_ref()?).powi(2)));
+        let at_scale = |steps: f64| figures(&twin, frames, STEP.powf(steps));
+        let own = at_scale(0.0);
+        let remains = |found: &[Option<Figures>; 2]| {
+            let both = own.iter().zip(found);
+            let ratios = both.filter_map(|(own, found)| Some((found.as_ref()?.rmse / own.as_ref()?.rmse).powi(2)));
             let (sum, count) = ratios.fold((0.0, 0.0), |(sum, count), ratio| (sum + ratio, count + 1.0));
             if sum.is_finite() && count > 0.0 { sum / count } else { f64::INFINITY }
         };
-        let at = |steps: f64| remains(&errors(steps));
+        let at = |steps: f64| remains(&at_scale(steps));
         let direction = if at(1.0) < at(-1.0) { 1.0 } else { -1.0 };
         let (mut best, mut least) = (0.0, 1.0);
         for step in 1..=MOST_STEPS {
@@ -88,9 +89,10 @@ impl TimeScale {
             near *= 0.5;
         }
         let factor = STEP.powf(best);
-        let found = errors(best);
-        let pair = |k: usize| own[k].zip(found[k]).map(|(own, found)| [own, found]);
-        Some(Self { factor, errors_pu: [pair(0), pair(1)], remains: least })
+        let found = at_scale(best);
+        let follows = found.iter().flatten().all(|figures| figures.r2 >= 1.0 - DOUBTFUL);
+        let pair = |k: usize| Some([own[k].as_ref()?.rmse, found[k].as_ref()?.rmse]);
+        follows.then(|| Self { factor, errors_pu: [pair(0), pair(1)], remains: least })
     }
 
     /// Whether the twin follows the recording at another scale, and not at the recording's own.
@@ -128,8 +130,8 @@ impl TimeScale {
     }
 }
 
-/// Root mean square errors of the positions where the recording's time is divided by a factor.
-fn errors_pu(twin: &Twin, frames: &[Frame], factor: f64) -> [Option<f64>; 2] {
+/// Figures of the positions where the recording's time is divided by a factor; none of one that was not measured.
+fn figures(twin: &Twin, frames: &[Frame], factor: f64) -> [Option<Figures>; 2] {
     let begin_ns = frames.first().map_or(0, |frame| frame.time_ns);
     let scaled = |frame: &Frame| {
         let after_s = seconds_from_nanos(frame.time_ns.saturating_sub(begin_ns)) / factor;
@@ -138,8 +140,8 @@ fn errors_pu(twin: &Twin, frames: &[Frame], factor: f64) -> [Option<f64>; 2] {
     let recording = Recording::new("", frames.iter().map(scaled).collect());
     let estimates = simulate(&mut twin.clone(), &recording);
     let scores = Scores::of(&recording, &estimates);
-    let rmse_pu = |signal| Some(scores.figures(signal).rmse).filter(|rmse| rmse.is_finite() && *rmse > 0.0);
-    Signal::POSITIONS.map(rmse_pu)
+    let of = |signal| Some(scores.figures(signal)).filter(|figures| figures.rmse.is_finite() && figures.rmse > 0.0);
+    Signal::POSITIONS.map(of)
 }
 
 #[cfg(test)]
