@@ -190,7 +190,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if let Some(out) = &args.out {
         files::refuse_to_overwrite(out, &bags)?;
     }
-    let Choice { models, driven, shipped } = Choice::new(args, &sheet.unit, &bags)?;
+    let Choice { models, driven, shipped, unread } = Choice::new(args, &sheet.unit, &bags)?;
     let requirements = Requirements::read(args, driven.id(), models.len())?;
     let climbs = !args.then.is_empty() || models.len() > 1;
     // On a ladder every model has a unit of its own.
@@ -200,6 +200,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let corrector = single.map(|(_, model)| residual::ready(model, &sheet.unit, args.cut.cut())).transpose()?;
     let mut results = replay_all(args, driven, &sheet.unit, &bags, &mapped, corrector.as_ref())?;
+    if let Some(error) = unread {
+        anyhow::bail!("{error}; the bag could be read a moment later: run the command again");
+    }
     residual::check_rates(&models, &shipped, &mut results)?;
     let mut adaptation = None;
     if let Some((_, model)) = single.filter(|_| args.adapt) {

@@ -41,6 +41,8 @@ pub struct Choice<'a> {
     pub models: Vec<(&'a Path, Model)>,
     pub driven: RateOfInputs,
     pub shipped: Shipped,
+    /// Why a bag could not be looked at; a replay that reads it after all chose by less than it has.
+    pub unread: Option<String>,
 }
 
 impl<'a> Choice<'a> {
@@ -54,10 +56,13 @@ impl<'a> Choice<'a> {
         let models = given.collect::<anyhow::Result<Vec<_>>>()?;
         let driven = rate_of_inputs(args, &models)?;
         let of_unit = (args.residual.is_empty() && args.then.is_empty()).then(|| shipped::of(unit)).flatten();
-        let Some(model) = of_unit else { return Ok(Self { models, driven, shipped: Shipped::NotAsked }) };
-        Ok(match shipped_drives(&model, args, unit, bags) {
-            Ok(driven) => Self { models: vec![(Path::new(shipped::NAME), model)], driven, shipped: Shipped::Used },
-            Err(reason) => Self { models, driven, shipped: Shipped::Unfit(reason) },
+        let mut unread = None;
+        let Some(model) = of_unit else { return Ok(Self { models, driven, shipped: Shipped::NotAsked, unread }) };
+        Ok(match shipped_drives(&model, args, unit, bags, &mut unread) {
+            Ok(driven) => {
+                Self { models: vec![(Path::new(shipped::NAME), model)], driven, shipped: Shipped::Used, unread }
+            }
+            Err(reason) => Self { models, driven, shipped: Shipped::Unfit(reason), unread },
         })
     }
 }
@@ -85,14 +90,21 @@ fn rate_of_inputs(args: &Args, models: &[(&Path, Model)]) -> anyhow::Result<Rate
 }
 
 /// What drives the twin between samples under the shipped residual: as in its training, and held where rows come as fast as live.
-fn shipped_drives(model: &Model, args: &Args, unit: &Unit, bags: &[Bag]) -> Result<RateOfInputs, String> {
+fn shipped_drives(
+    model: &Model,
+    args: &Args,
+    unit: &Unit,
+    bags: &[Bag],
+    unread: &mut Option<String>,
+) -> Result<RateOfInputs, String> {
     ready(model, unit, args.cut.cut()).map_err(|error| error.to_string())?;
     let options = super::options(args, RateOfInputs::Hold, unit);
     let mut slow = false;
     for bag in bags {
         let mut pace = Pace::default();
-        // What cannot be read is reported by the replay.
-        if govtwin_bag::read_rows(&bag.path, &options, &mut pace).is_err() {
+        // What can never be read is reported by the replay.
+        if let Err(error) = govtwin_bag::read_rows(&bag.path, &options, &mut pace) {
+            *unread = Some(error.to_string());
             continue;
         }
         let spacing_ns = pace.spacing_ns();
