@@ -56,7 +56,7 @@ fn a_suggestion_prints_what_columns_do_to_each_other() {
     let mut position = 0.0;
     let text = (0..2000).fold(String::new(), |text, k| {
         let valve = [3.0, -1.0, -4.0, 2.0][k / 50 % 4];
-        position += 0.02 * valve;
+        position += 0.01 * valve;
         text + &format!("{valve},{position}\n")
     });
     let (_kept, table) = file("bare.csv", &text);
