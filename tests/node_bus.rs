@@ -2,7 +2,7 @@
 #![cfg(feature = "node")]
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use govtwin_bag::cdr;
@@ -20,9 +20,10 @@ use govtwin_node::realtime::{Wishes, wall_ns};
 use govtwin_node::recorder::{Selection, record};
 use govtwin_node::settings::NodeSettings;
 
-/// A domain of its own, so that tests that run beside this one are not heard.
+/// A domain of its own, each time, so that tests that run beside this one are not heard.
 fn environment() -> Environment {
-    let domain = 101 + std::process::id() % 100;
+    static FURTHER: AtomicU32 = AtomicU32::new(0);
+    let domain = 101 + (std::process::id() + FURTHER.fetch_add(1, Ordering::Relaxed)) % 100;
     Environment::read(|name| match name {
         "ROS_DOMAIN_ID" => Some(domain.to_string()),
         "ROS_LOCALHOST_ONLY" => Some("1".to_owned()),
