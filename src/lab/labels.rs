@@ -36,7 +36,7 @@ fn wrong(place: &str, expected: &'static str, found: Option<&Node>) -> LabelsErr
 
 /// Reads labels by case, which may stand below `units`; `strength`, `rate_hz` and `mismatch` may be absent.
 ///
-/// Effects are a list, as [`write`] writes it, or sizes by effect with `in_the_catalogue`, `stages` and `gap_over_noise` beside them: what they change
+/// Effects are a list, as [`write()`] writes it, or sizes by effect with `in_the_catalogue`, `stages` and `gap_over_noise` beside them: what they change
 /// over the noise, by signal and process, of which the largest is the strength.
 ///
 /// # Errors
