@@ -15,7 +15,7 @@ use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// Scales are tried by this factor, from that of the recording on in the direction in which the error falls, up to the last.
 const STEP: f64 = 1.2;
-const MOST_STEPS: i32 = 18;
+const MOST_STEPS: f64 = 18.0;
 /// The best of the steps is looked for nearer by this many halvings.
 const HALVINGS: i32 = 4;
 /// A smaller factor is one of tolerances and faults: flows of valves and ports are known to some per cent, loads and losses take up to a quarter.
@@ -40,6 +40,14 @@ pub struct TimeScale {
     remains: f64,
 }
 
+/// A scale that was tried, by its power of [`STEP`].
+struct Tried {
+    steps: f64,
+    /// What remains of the squared error at the recording's own scale.
+    remains: f64,
+    figures: [Option<Figures>; 2],
+}
+
 impl TimeScale {
     /// That of the recording that shows it best, of those taken of one bag; none where none can tell.
     pub fn most(recordings: &[Recording], unit: &Unit) -> Option<Self> {
@@ -58,41 +66,39 @@ impl TimeScale {
             return None;
         }
         let twin = Twin::new(unit);
-        let at_scale = |steps: f64| figures(&twin, frames, STEP.powf(steps));
-        let own = at_scale(0.0);
-        let remains = |found: &[Option<Figures>; 2]| {
-            let both = own.iter().zip(found);
+        let own = figures(&twin, frames, 1.0);
+        let tried = |steps: f64| {
+            let found = figures(&twin, frames, STEP.powf(steps));
+            let both = own.iter().zip(&found);
             let ratios = both.filter_map(|(own, found)| Some((found.as_ref()?.rmse / own.as_ref()?.rmse).powi(2)));
             let (sum, count) = ratios.fold((0.0, 0.0), |(sum, count), ratio| (sum + ratio, count + 1.0));
-            if sum.is_finite() && count > 0.0 { sum / count } else { f64::INFINITY }
+            let remains = if sum.is_finite() && count > 0.0 { sum / count } else { f64::INFINITY };
+            Tried { steps, remains, figures: found }
         };
-        let at = |steps: f64| remains(&at_scale(steps));
-        let direction = if at(1.0) < at(-1.0) { 1.0 } else { -1.0 };
-        let (mut best, mut least) = (0.0, 1.0);
-        for step in 1..=MOST_STEPS {
-            let steps = direction * f64::from(step);
-            let found = at(steps);
-            if found > least {
-                break;
-            }
-            (best, least) = (steps, found);
+        let mut best = Tried { steps: 0.0, remains: 1.0, figures: own };
+        let [up, down] = [1.0, -1.0].map(tried);
+        let mut next = if up.remains < down.remains { up } else { down };
+        let direction = next.steps;
+        while next.remains <= best.remains && best.steps.abs() < MOST_STEPS {
+            best = next;
+            next = tried(best.steps + direction);
         }
         let mut near = 0.5;
-        for _ in 0..if best == 0.0 { 0 } else { HALVINGS } {
-            for steps in [best - near, best + near] {
-                let found = at(steps);
-                if found < least {
-                    (best, least) = (steps, found);
+        for _ in 0..if best.steps == 0.0 { 0 } else { HALVINGS } {
+            for steps in [best.steps - near, best.steps + near] {
+                let found = tried(steps);
+                if found.remains < best.remains {
+                    best = found;
                     break;
                 }
             }
             near *= 0.5;
         }
-        let factor = STEP.powf(best);
-        let found = at_scale(best);
+        let Tried { steps, remains, figures: found } = best;
+        let factor = STEP.powf(steps);
         let follows = found.iter().flatten().all(|figures| figures.r2 >= 1.0 - DOUBTFUL);
         let pair = |k: usize| Some([own[k].as_ref()?.rmse, found[k].as_ref()?.rmse]);
-        follows.then(|| Self { factor, errors_pu: [pair(0), pair(1)], remains: least })
+        follows.then(|| Self { factor, errors_pu: [pair(0), pair(1)], remains })
     }
 
     /// Whether the twin follows the recording at another scale, and not at the recording's own.
