@@ -13,6 +13,7 @@ import sys
 import time
 
 from bench import BEST_EFFORT, DOMAIN, RELIABLE, Bench, check, now, stamp_ns, wait_for, whole, FAILED
+from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -20,6 +21,9 @@ from cyclonedds.topic import Topic
 import types_ros as ros
 from faults import Node, Watch
 from relay import Network
+
+# A busy machine reads late: what arrives meanwhile is kept, ten seconds of it.
+PATIENT = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1000))
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 # Name, what the network does, how long; the state's rate that is wanted then, Hz, of 100.
@@ -245,7 +249,7 @@ def drive_units(nodes, count, loops_of):
     seconds = float(os.environ.get("UNITS_S", "20"))
     participant = DomainParticipant(DOMAIN)
     ends = [(DataWriter(participant, Topic(participant, f"rt/unit{n}/governor/command", ros.GovernorCommand), qos=RELIABLE),
-             DataReader(participant, Topic(participant, f"rt/unit{n}/sim/servo_state", ros.ServoState), qos=BEST_EFFORT)) for n in range(count)]
+             DataReader(participant, Topic(participant, f"rt/unit{n}/sim/servo_state", ros.ServoState), qos=PATIENT)) for n in range(count)]
     openings, states, last = [0.1 + 0.05 * n for n in range(count)], [0] * count, [None] * count
     try:
         wait_for(lambda: all(writer.get_matched_subscriptions() for writer, _ in ends), 30)
