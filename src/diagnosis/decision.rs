@@ -10,7 +10,7 @@ pub mod posterior;
 use crate::decision::posterior::Posterior;
 use crate::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::likelihood::problem::SOUND_MEAN_SQUARE;
-use crate::result::Verdict;
+use crate::result::{Interval, Verdict};
 use govtwin_model::effects::{EffectSpec, Stage};
 
 /// Probability that a credible set holds.
@@ -86,6 +86,11 @@ impl Decision {
             none,
             sets,
         }
+    }
+
+    /// Whether what is blamed surely explains less than half of the gap, beside something else: it is then no cause of it.
+    pub(crate) fn claims_too_much(&self, explained: Interval) -> bool {
+        !self.blamed.is_empty() && self.something_else > 0.5 && explained.high < 0.5
     }
 
     /// The same with another verdict that blames nothing, which is then the probable one.
@@ -193,6 +198,19 @@ mod tests {
         assert_eq!((two.verdict, two.blamed.as_slice()), (Verdict::Class, ["backlash", "load"].as_slice()));
         let pair = decided(&[(&["backlash", "load"], 0.6), (&["backlash", "port_overlap"], 0.35)]);
         assert_eq!((pair.verdict, pair.blamed.as_slice()), (Verdict::Named, ["backlash", "load"].as_slice()));
+    }
+
+    /// What is surely less than half of a gap that something else shares in is no cause of it.
+    #[test]
+    fn a_claim_of_less_than_half_beside_something_else_names_nothing() {
+        let within = |low, high| Interval { value: 0.5 * (low + high), low, high };
+        let mut lone = decided(&[(&["backlash"], 0.95)]);
+        lone.something_else = 0.9;
+        assert!(lone.claims_too_much(within(0.05, 0.13)));
+        assert!(!lone.claims_too_much(within(0.05, 0.6)), "it may be most of it");
+        assert!(!decided(&[(&[], 0.95)]).claims_too_much(within(0.0, 0.0)), "nothing is claimed");
+        lone.something_else = 0.1;
+        assert!(!lone.claims_too_much(within(0.05, 0.13)), "nothing else is there that could be the cause");
     }
 
     /// Where something else is at work an effect that explains little of what is left without it is not named: it may stand in for that.

@@ -38,9 +38,10 @@ use crate::decision::posterior::{Posterior, leaders};
 use crate::hypotheses::table::EvidenceTable;
 use crate::hypotheses::{Exploration, Explored, Singles};
 use crate::likelihood::loop_noise::likelier;
-use crate::result::{Diagnosis, Setup, Verdict};
+use crate::result::{Diagnosis, Interval, Setup, Verdict};
 use crate::stage_only::free_runs::Compared;
-use crate::summary::{BeforeVerdict, Judged};
+use crate::summary::explained_fraction::ExplainedFractions;
+use crate::summary::{BeforeVerdict, Judged, claimed};
 use govtwin_model::effects::{CATALOGUE, EffectSpec, id_words};
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
@@ -165,6 +166,14 @@ pub fn diagnose(
         decision = decision.forced(Verdict::Unknown);
         notes.push(strange);
     }
+    explored.complete(&problem, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
+    let fractions = ExplainedFractions::new(&problem, explored.refitted(), settings.seed);
+    let mut whole = fractions.of(claimed(&explored, &decision));
+    if decision.claims_too_much(whole) {
+        notes.push(too_little(&decision, whole));
+        decision = decision.forced(Verdict::Unknown);
+        whole = fractions.of(claimed(&explored, &decision));
+    }
     notes.extend(rests_on(
         &table,
         &numbers,
@@ -173,7 +182,6 @@ pub fn diagnose(
     ));
     notes.extend(stretched(&explored, &decision));
     notes.extend(stands_out(&table, &decision));
-    explored.complete(&problem, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
     progress("gathering what the report shows", 0.9);
     let judged = Judged {
         problem: &problem,
@@ -182,6 +190,8 @@ pub fn diagnose(
         posterior: &posterior,
         decision: &decision,
         numbers: &numbers,
+        fractions,
+        whole,
     };
     let mut diagnosis = summary::gather(judged, &ready.unit, settings, BeforeVerdict { channels, notes });
     // The stage alone is fitted to pieces of recordings, by parameters of its own.
@@ -197,6 +207,14 @@ pub fn diagnose(
         }
     }
     Ok(diagnosis)
+}
+
+/// Why what is likeliest has no name.
+fn too_little(decision: &Decision, explained: Interval) -> String {
+    let names: Vec<String> = decision.blamed.iter().map(|id| id_words(id)).collect();
+    let joined = names.join(if decision.verdict == Verdict::Class { " or " } else { " and " });
+    let [value, high] = [explained.value, explained.high].map(|share| share * 100.0);
+    format!("Likeliest: {joined}. It explains {value:.0} % of the gap, at most {high:.0} %: too little for a name.")
 }
 
 /// Distance from the sheet, in tolerances, that a reader should hear of: by chance one sheet in a thousand is so far off anywhere.
@@ -224,6 +242,8 @@ fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
 
 /// A reader hears of a distortion that is less likely by chance than this.
 const RARE: f64 = 0.01;
+/// A smaller probability is not told.
+const LEAST_SHOWN: f64 = 1e-99;
 
 /// Where what the claimed twin leaves stands out.
 fn stands_out(table: &EvidenceTable, decision: &Decision) -> Option<String> {
@@ -232,10 +252,11 @@ fn stands_out(table: &EvidenceTable, decision: &Decision) -> Option<String> {
     };
     let distortion = table.rows.iter().find(|row| is_claimed(&row.effects))?.distortion.as_ref()?;
     (distortion.p_value < RARE).then(|| {
+        let p_value = distortion.p_value.max(LEAST_SHOWN);
+        let below = if p_value > distortion.p_value { "below" } else { "of" };
         format!(
-            "What the twin leaves stands out in the {}: by chance that happens with a probability of {:.0e}.",
+            "What the twin leaves stands out in the {}: by chance that happens with a probability {below} {p_value:.0e}.",
             distortion.words(),
-            distortion.p_value
         )
     })
 }

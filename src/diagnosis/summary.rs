@@ -25,9 +25,7 @@ use crate::model::consistency::consistency;
 use crate::result::{Blame, ChannelReport, Diagnosis, Fitted, Interval, Ranked, Transfer, Tried, Verdict};
 use crate::summary::breakdown::{breakdowns, gaps};
 use crate::summary::discrepancy_terms::discrepancy_terms;
-use crate::summary::explained_fraction::{
-    Estimates, Refitted, expected_twins, explained_fraction, explained_fraction_of, without_recordings,
-};
+use crate::summary::explained_fraction::{ExplainedFractions, Refitted, explained_fraction_of, without_recordings};
 use crate::summary::remainder::remainder;
 use crate::summary::sheet_limits::sheet_limits;
 use crate::summary::traces::traces;
@@ -68,19 +66,23 @@ pub struct Judged<'a> {
     pub decision: &'a Decision,
     /// The learned numbers.
     pub numbers: &'a Hyperparameters,
+    /// What models explain.
+    pub(crate) fractions: ExplainedFractions<'a>,
+    /// What the claimed one does.
+    pub whole: Interval,
+}
+
+/// The model of what is named: of several effects all at once, of competing ones the first; the refitted sheet where nothing is.
+pub(crate) fn claimed<'a>(explored: &'a Explored, decision: &Decision) -> &'a FittedModel {
+    let blamed = decision.blamed.as_slice();
+    let claim = if decision.verdict == Verdict::Class { &blamed[..1] } else { blamed };
+    explored.with(claim).unwrap_or_else(|| explored.refitted())
 }
 
 impl Judged<'_> {
-    /// The model of what is named: of several effects all at once, of competing ones the first; the refitted sheet where nothing is.
-    fn chosen(&self) -> &FittedModel {
-        let blamed = self.decision.blamed.as_slice();
-        let claim = if self.decision.verdict == Verdict::Class { &blamed[..1] } else { blamed };
-        self.explored.with(claim).unwrap_or_else(|| self.explored.refitted())
-    }
-
-    /// The same, and where nothing is named the model of the likeliest fault set.
+    /// The claimed model, and where nothing is named that of the likeliest fault set.
     fn nearest(&self) -> &FittedModel {
-        let chosen = self.chosen();
+        let chosen = claimed(self.explored, self.decision);
         if !chosen.effects.is_empty() {
             return chosen;
         }
@@ -91,7 +93,7 @@ impl Judged<'_> {
 /// Builds the diagnosis.
 #[must_use]
 pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, seen: BeforeVerdict) -> Diagnosis {
-    let Judged { problem, explored, decision, .. } = judged;
+    let Judged { problem, explored, decision, whole, ref fractions, .. } = judged;
     let BeforeVerdict { channels, mut notes } = seen;
     let detectable_sizes = detectable_sizes(explored, &settings.catalogue);
     let shown = detectable_sizes.iter().filter(|effect| effect.smallest <= EXCITED * effect.typical).count();
@@ -105,19 +107,15 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     }
     // What the verdict claims, and nothing else, goes into the improved twin.
     let refitted_model = explored.refitted();
-    let chosen = judged.chosen();
+    let chosen = claimed(explored, decision);
     let stage_shares = decision.stages();
     let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited | Verdict::NoSuchUnit);
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
-    let expected = |model: &FittedModel| expected_twins(problem, model, settings.seed);
-    let expected_refitted = expected(refitted_model);
-    let whole = explained_fraction(problem, &expected_refitted, &expected(chosen), settings.seed);
     let nearest = if has_gap { judged.nearest() } else { chosen };
     let is_claimed = std::ptr::eq(nearest, chosen);
-    let of_nearest = || explained_fraction(problem, &expected_refitted, &expected(nearest), settings.seed);
-    let explained = if is_claimed { whole } else { of_nearest() };
-    let mut blamed = blames(&judged, chosen, verdict, &expected_refitted, settings);
+    let explained = if is_claimed { whole } else { fractions.of(nearest) };
+    let mut blamed = blames(&judged, (chosen, whole), verdict);
     if verdict == Verdict::Named {
         share_out(whole.value, &mut blamed);
     }
@@ -232,13 +230,7 @@ fn fitted_effect(model: &FittedModel, size_spread: f64, effect: &EffectSpec) -> 
     })
 }
 
-fn blames(
-    judged: &Judged<'_>,
-    chosen: &FittedModel,
-    verdict: Verdict,
-    refitted: &[Estimates],
-    settings: &DiagnosisSettings,
-) -> Vec<Blame> {
+fn blames(judged: &Judged<'_>, (chosen, whole): (&FittedModel, Interval), verdict: Verdict) -> Vec<Blame> {
     let decision = judged.decision;
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
     if !matches!(verdict, Verdict::Named | Verdict::Class) {
@@ -252,8 +244,7 @@ fn blames(
             let spec = decision.effects.iter().find(|(spec, _)| spec.id == *id)?.0;
             // Parameters come from the model that is claimed, explained fraction from the effect on its own.
             let model = if chosen.has(id) { chosen } else { alone };
-            let of_alone = expected_twins(judged.problem, alone, settings.seed);
-            let share = explained_fraction(judged.problem, refitted, &of_alone, settings.seed);
+            let share = if std::ptr::eq(alone, chosen) { whole } else { judged.fractions.of(alone) };
             Some(Blame {
                 id: spec.id.to_owned(),
                 stage: spec.stage,

@@ -42,13 +42,35 @@ const REFIT: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
 /// Estimates by recording.
 pub type Estimates = Vec<Vec<Estimate>>;
 
+/// Explained fractions of models, each beside the same draws of the refitted sheet.
+#[derive(Debug)]
+pub(crate) struct ExplainedFractions<'a> {
+    problem: &'a Problem,
+    refitted: Vec<Estimates>,
+    seed: u64,
+}
+
+impl<'a> ExplainedFractions<'a> {
+    /// Of models that stand beside this one.
+    #[must_use]
+    pub(crate) fn new(problem: &'a Problem, refitted: &FittedModel, seed: u64) -> Self {
+        Self { problem, refitted: expected_twins(problem, refitted, seed), seed }
+    }
+
+    /// That of a model.
+    #[must_use]
+    pub(crate) fn of(&self, model: &FittedModel) -> Interval {
+        let with_effects = expected_twins(self.problem, model, self.seed);
+        explained_fraction_of(self.problem, &self.refitted, &with_effects, 0..self.problem.recordings.len(), self.seed)
+    }
+}
+
 /// Twins of a model whose errors on the recordings of the fit are those to expect on others like them.
 ///
 /// A fit bends to the noise of its recordings, and misses the truth of others by as much: the error of the fit counts twice (Akaike 1974; Efron 2004,
 /// *The estimation of prediction error: covariance penalties and cross-validation*). Hence draws about the fit with twice its covariance. Leaving
 /// out parts instead fails for an effect that acts in one moment: without that moment there is nothing to fit it to.
-#[must_use]
-pub(crate) fn expected_twins(problem: &Problem, model: &FittedModel, seed: u64) -> Vec<Estimates> {
+fn expected_twins(problem: &Problem, model: &FittedModel, seed: u64) -> Vec<Estimates> {
     let Some(cholesky) = model.spread.clone().cholesky() else { return vec![problem.simulate_all(&model.unit())] };
     let deviations = cholesky.l() * std::f64::consts::SQRT_2;
     let mut dice = ChaCha8Rng::seed_from_u64(seed);
@@ -196,26 +218,11 @@ fn ratio(sums: Sums) -> f64 {
 }
 
 /// Explained fraction `(MSE_refitted − MSE_effects) / (MSE_refitted − noise²)` with the interval that holds that of other recordings of the unit nine times
-/// in ten. Twins are given as draws; see [`expected_twins`].
+/// in ten, of some of the recordings. Twins are given as draws; see [`expected_twins`].
 ///
 /// Recordings are drawn with replacement, since nobody knows which processes come next, and blocks within them; blocks are drawn again from those,
 /// since the other day is a draw as this one was (Efron & Tibshirani 1993, *An Introduction to the Bootstrap*, chapter 25). The noise is drawn too: no floor
 /// is known better than to what a right model may leave. Days on which no gap shows have no fraction.
-#[must_use]
-pub(crate) fn explained_fraction(
-    problem: &Problem,
-    refitted: &[Estimates],
-    with_effects: &[Estimates],
-    seed: u64,
-) -> Interval {
-    explained_fraction_of(problem, refitted, with_effects, 0..problem.recordings.len(), seed)
-}
-
-fn allowance(problem: &Problem) -> f64 {
-    if problem.is_slow() { ALLOWANCE.1 } else { ALLOWANCE.0 }
-}
-
-/// The same of some of the recordings.
 #[must_use]
 pub(crate) fn explained_fraction_of(
     problem: &Problem,
@@ -229,6 +236,10 @@ pub(crate) fn explained_fraction_of(
         .map(|(refitted, with_effects)| blocks(problem, refitted, with_effects)[recordings.clone()].to_vec())
         .collect();
     interval(&draws, allowance(problem), seed)
+}
+
+fn allowance(problem: &Problem) -> f64 {
+    if problem.is_slow() { ALLOWANCE.1 } else { ALLOWANCE.0 }
 }
 
 /// Explained fraction as it came true, of twins that were fitted to other recordings; none where there is no gap.
