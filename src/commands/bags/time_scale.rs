@@ -22,10 +22,12 @@ const HALVINGS: i32 = 4;
 const LEAST: f64 = 1.3;
 /// Of the squared error so much may remain, as a mean over the signals, and of each signal's variance, where the twin follows.
 const DOUBTFUL: f64 = 0.25;
+/// Half a step from the right scale less remains than this: time is then wrong by a tenth, where it was by a third.
+const HOPELESS: f64 = 2.0 * DOUBTFUL;
 /// Factors of recordings that agree differ by no more than this one.
 const ALIKE: f64 = 1.1;
-/// The first so many rows are enough, five minutes of the twin's ticks.
-const MOST_ROWS: usize = 300_000;
+/// The first so much of a recording is enough, s.
+const MOST_S: f64 = 300.0;
 /// A servomotor that moves less tells nothing, pu.
 const MOVED_PU: f64 = 0.05;
 
@@ -59,7 +61,8 @@ impl TimeScale {
 
     /// That of a recording; none where it has no command, hardly moves, or is followed at no scale.
     pub fn of(recording: &Recording, unit: &Unit) -> Option<Self> {
-        let frames = &recording.frames[..recording.frames.len().min(MOST_ROWS)];
+        let until_ns = recording.frames.first()?.time_ns.saturating_add(nanos_from_seconds(MOST_S));
+        let frames = &recording.frames[..recording.frames.partition_point(|frame| frame.time_ns < until_ns)];
         let moves = |frame: &Frame| Signal::ServomotorPosition.of(&frame.measured);
         let span_pu = span(frames.iter().map(moves))?;
         if !recording.has_command() || span_pu < MOVED_PU {
@@ -84,7 +87,7 @@ impl TimeScale {
             next = tried(best.steps + direction);
         }
         let mut near = 0.5;
-        for _ in 0..if best.steps == 0.0 { 0 } else { HALVINGS } {
+        for _ in 0..if best.remains < HOPELESS { HALVINGS } else { 0 } {
             for steps in [best.steps - near, best.steps + near] {
                 let found = tried(steps);
                 if found.remains < best.remains {
