@@ -4,6 +4,7 @@ pub mod between;
 pub mod figures;
 pub mod ladder;
 pub mod rows;
+pub mod trips;
 
 use crate::frame::{Estimate, Frame};
 use crate::metrics::{Accumulator, Figures};
@@ -123,6 +124,16 @@ impl Replayed {
         let scores = Scores::of(&recording, &estimates);
         let rows = recording.frames.len();
         Self { recording, estimates, scores, rows, every: 1 }
+    }
+
+    /// The usual time between two rows, ns; 0 where there is one row at most.
+    #[must_use]
+    pub fn row_ns(&self) -> i64 {
+        let mut steps_ns: Vec<i64> =
+            self.recording.frames.windows(2).map(|pair| pair[1].time_ns - pair[0].time_ns).collect();
+        steps_ns.sort_unstable();
+        let step_ns = steps_ns.get(steps_ns.len() / 2).copied().unwrap_or(0);
+        step_ns / i64::try_from(self.every).unwrap_or(i64::MAX)
     }
 
     /// The same recording with other estimates, one for each frame of it, compared anew.

@@ -4,13 +4,8 @@ use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, twin_of};
 use govtwin_model::frame::EsvState;
 use govtwin_model::parameters::Unit;
+use govtwin_model::replay::trips::{CommandCourse, cheapest, set_earlier};
 use govtwin_model::units::nanos_from_seconds;
-
-/// Places tried between two samples before the search narrows.
-const PLACES: i64 = 20;
-
-/// Where the search ends: the twin's tick, ns.
-const TICK_NS: i64 = 1_000_000;
 
 /// A problem's recordings as recorded, with their trips where this unit explains them best; none if no recording has a trip whose time is in doubt.
 ///
@@ -34,7 +29,7 @@ pub fn placed(problem: &Problem, recorded: &[PreparedRecording], unit: &Unit) ->
                     let (cost, early_ns) = cheapest(doubt_ns, price);
                     (cost, trip_at(recording, row, early_ns, command))
                 };
-                let [runs, steps] = [CommandCourse::Runs, CommandCourse::Steps].map(of);
+                let [runs, steps] = CommandCourse::ALL.map(of);
                 if steps.0 < runs.0 { steps.1 } else { runs.1 }
             }
             None => recording.clone(),
@@ -51,54 +46,12 @@ fn doubt(recording: &PreparedRecording) -> Option<(usize, i64)> {
     recording.is_slow().then(|| (row, nanos_from_seconds(recording.period_s)))
 }
 
-/// What the command does between the two samples about a trip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum CommandCourse {
-    /// It runs from one to the other, as elsewhere.
-    Runs,
-    /// It steps with the trip, as where the governor takes it back then.
-    Steps,
-}
-
 /// The recording with its trip so much earlier.
 fn trip_at(recording: &PreparedRecording, row: usize, early_ns: i64, command: CommandCourse) -> PreparedRecording {
     let mut moved = recording.clone();
-    let from_ns = recording.frames[row].time_ns - early_ns;
-    if command == CommandCourse::Steps {
-        let before = recording.samples.iter().rev().copied().find(|&sample| sample < row).unwrap_or(0);
-        let [first_pu, last_pu] = [before, row].map(|row| recording.frames[row].inputs.opening_command_pu);
-        for frame in &mut moved.frames[before..row] {
-            frame.inputs.opening_command_pu = if frame.time_ns < from_ns { first_pu } else { last_pu };
-        }
-    }
-    for frame in moved.frames[..row].iter_mut().rev().take_while(|frame| frame.time_ns >= from_ns) {
-        frame.inputs.esv = EsvState::Shutdown;
-    }
+    let before = recording.samples.iter().rev().copied().find(|&sample| sample < row).unwrap_or(0);
+    set_earlier(&mut moved.frames, (before, row), early_ns, command);
     moved
-}
-
-/// The least price and its shift from 0 to a limit: a grid, then halved steps down to a tick.
-fn cheapest(limit_ns: i64, price: impl Fn(i64) -> f64) -> (f64, i64) {
-    let mut step_ns = (limit_ns / PLACES).max(TICK_NS);
-    let mut best = (price(0), 0);
-    let try_at = |shift_ns: i64, best: &mut (f64, i64)| {
-        if (0..=limit_ns).contains(&shift_ns) {
-            let cost = price(shift_ns);
-            if cost < best.0 {
-                *best = (cost, shift_ns);
-            }
-        }
-    };
-    for place in 1..=limit_ns / step_ns {
-        try_at(place * step_ns, &mut best);
-    }
-    while step_ns > TICK_NS {
-        step_ns = (step_ns / 2).max(TICK_NS);
-        let centre_ns = best.1;
-        try_at(centre_ns - step_ns, &mut best);
-        try_at(centre_ns + step_ns, &mut best);
-    }
-    best
 }
 
 #[cfg(test)]
@@ -106,14 +59,6 @@ mod tests {
     use super::*;
     use govtwin_model::frame::{Frame, Inputs, Signals};
     use govtwin_model::recording::Recording;
-
-    #[test]
-    fn the_search_finds_the_shift_to_a_tick() {
-        for truth_ns in [0, 3_000_000, 104_000_000, 200_000_000] {
-            let (_, found_ns) = cheapest(200_000_000, |shift_ns| (shift_ns - truth_ns).abs() as f64);
-            assert!((found_ns - truth_ns).abs() <= TICK_NS, "{truth_ns}: {found_ns}");
-        }
-    }
 
     /// Rows every 50 ms, of which every fourth was measured; the trip stands at 1 s, and the command is taken back with it.
     fn slow() -> PreparedRecording {

@@ -11,7 +11,7 @@ use crate::recording::{Recording, SLOW_NS};
 use crate::twin::Twin;
 
 /// Rows farther apart than this are a gap: the time of a trip in it is not known, ns.
-const GAP_NS: i64 = 1_000_000_000;
+pub(super) const GAP_NS: i64 = 1_000_000_000;
 
 /// One estimate for each row of a recording, the inputs running straight between them on a grid of `period_ns`.
 #[must_use]
@@ -51,7 +51,6 @@ pub fn drawn(recording: &Recording, period_ns: i64) -> (Recording, Vec<usize>) {
 /// Rows that hold nothing measured count as added ones.
 pub fn trips_amid(recording: &mut Recording) {
     let frames = &mut recording.frames;
-    let is_own = |frame: &Frame| frame.measured.servomotor_position_pu.is_finite() && !is_added(frame);
     for row in 1..frames.len() {
         let trips = frames[row].inputs.esv == EsvState::Shutdown && frames[row - 1].inputs.esv != EsvState::Shutdown;
         if !trips || !is_own(&frames[row]) {
@@ -67,6 +66,11 @@ pub fn trips_amid(recording: &mut Recording) {
             frame.inputs.esv = EsvState::Shutdown;
         }
     }
+}
+
+/// Whether a row was recorded.
+pub(super) fn is_own(frame: &Frame) -> bool {
+    frame.measured.servomotor_position_pu.is_finite() && !is_added(frame)
 }
 
 /// Whether a row was added: it may hold an opening that was drawn, and never a spool.
