@@ -327,6 +327,27 @@ fn a_stored_replay_is_the_limit_of_the_next_one() {
     assert_eq!(validated(&["--require", &format!("@{}", at("limits.txt"))]).code, 0);
 }
 
+/// A recorder that writes a row every 0.2 s chose that rate, not the governor; what holds live is no less exact between rows that come as fast.
+#[test]
+fn between_slow_rows_inputs_run_straight_and_the_trip_comes_when_the_unit_moved() {
+    let figures = |more: &[&str]| -> serde_json::Value {
+        let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/shutdown_01.mcap");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));
+        let run = program::Run::of(command.arg("replay").arg(bag).args(["--residual", "none", "--json"]).args(more));
+        serde_json::from_str(&run.stdout).unwrap()
+    };
+    let [held, straight, as_recorded] =
+        [&["--rate-of-inputs", "hold"][..], &["--rate-of-inputs", "linear"], &[]].map(figures);
+    let rmse = |figures: &serde_json::Value| figures["overall"]["signals"][0]["rmse"].as_f64().unwrap();
+    assert!(
+        rmse(&as_recorded) < rmse(&straight) && rmse(&straight) < 0.6 * rmse(&held),
+        "{held} {straight} {as_recorded}"
+    );
+    let notes = |figures: &serde_json::Value| figures["recordings"][0]["notes"].to_string();
+    assert!(notes(&as_recorded).contains("rows come every 0.20 s") && notes(&as_recorded).contains("its trip was set"));
+    assert!(!notes(&held).contains("rows come every"));
+}
+
 #[test]
 fn the_page_shows_the_learned_residual_with_its_band_beside_the_twin_alone() {
     let dir = tempfile::tempdir().unwrap();

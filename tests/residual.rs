@@ -47,7 +47,7 @@ fn the_shipped_residual_corrects_the_reference_unit_unless_it_is_left_out() {
     assert_eq!(by_default["residual"]["overall"], given["residual"]["overall"]);
     let (without, text) = figures(&["--residual", "none"]);
     assert!(without["residual"].is_null() && !text.contains(".residual"), "{text}");
-    assert_eq!(without["inputs_between_samples"], "hold");
+    assert_eq!(without["inputs_between_samples"], "as_recorded");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `govtwin replay`: simulate recordings and compare with what was measured.
 
 mod files;
+mod follow;
 mod ladder;
 mod made;
 mod node_run;
@@ -14,7 +15,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use govtwin_bag::{Interpolation, Loaded, Positions, ReadOptions, Stream};
+use govtwin_bag::{Interpolation, Positions, ReadOptions, Stream};
 use govtwin_correction::corrector::Corrector;
 use govtwin_correction::rate;
 use govtwin_correction::row::RateOfInputs;
@@ -22,12 +23,9 @@ use govtwin_correction::shipped;
 use govtwin_diagnosis::replay_summary::{ParameterDifferences, RecordingSource, Residual, summarise};
 use govtwin_model::parameters::Unit;
 use govtwin_model::params::{self, Sheet};
-use govtwin_model::recording::Recording;
 use govtwin_model::replay::Replayed;
-use govtwin_model::replay::between::trips_amid;
 use govtwin_model::replay::ladder::Ladder;
 use govtwin_model::twin::{Cut, Twin};
-use govtwin_model::units::nanos_from_seconds;
 use govtwin_pages::replay::{ladder_table, process_table, reason_for_dashes, reason_for_stars};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
@@ -35,8 +33,9 @@ use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
 use super::{provenance, rate_of_inputs};
 use crate::commands::{Outcome, sheet_of, usage};
+use follow::{Followed, follow};
 use node_run::NodeRun;
-use residual::{Choice, Shipped};
+use residual::{Choice, Driven, Shipped};
 use validation::Requirements;
 
 /// The page.
@@ -83,8 +82,11 @@ pub struct Args {
     /// One table compares all units.
     #[arg(long, value_name = "FILE")]
     then: Vec<PathBuf>,
-    /// Inputs of the twin between two recorded samples; without it, those of the training of the residual model, else
-    /// `hold`. Where rows are 30 ms apart or closer, the shipped model takes `hold`, as live.
+    /// Inputs of the twin between two recorded rows; without it, those of the training of the residual model, else as rows
+    /// come.
+    ///
+    /// Where rows are 30 ms apart or closer, inputs hold, as live. Farther apart they run straight, round sharp bends of the
+    /// command, and a trip comes when the unit moved.
     #[arg(long, value_parser = rate_of_inputs::parser())]
     rate_of_inputs: Option<RateOfInputs>,
     /// Limit that every recording must keep, such as `spool.rmse<=0.5%`, or `@FILE` with one limit a line; may be
@@ -273,13 +275,9 @@ fn ladder_text(ladder: &Ladder) -> String {
 }
 
 /// How the bags are read.
-fn options(args: &Args, driven: RateOfInputs, unit: &Unit) -> ReadOptions {
+fn options(args: &Args, interpolation: Interpolation, unit: &Unit) -> ReadOptions {
     let positions = Positions::of(unit.recorded);
-    let mut options = ReadOptions { topics: args.topics.topics(), positions, ..ReadOptions::default() };
-    if driven == RateOfInputs::Linear {
-        let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
-        options.interpolation = Interpolation::Linear { period_ns };
-    }
+    let mut options = ReadOptions { topics: args.topics.topics(), positions, interpolation, ..ReadOptions::default() };
     match args.cut {
         CutAt::None => {}
         CutAt::Servomotor => options.required.push(Stream::ServoState),
@@ -292,23 +290,21 @@ fn options(args: &Args, driven: RateOfInputs, unit: &Unit) -> ReadOptions {
 /// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
 fn replay_all(
     args: &Args,
-    driven: RateOfInputs,
+    driven: Driven,
     unit: &Unit,
     bags: &[Bag],
     mapped: &Mapped,
     corrector: Option<&Corrector>,
 ) -> anyhow::Result<Vec<Result>> {
     let twin = Twin::new(unit).with_cut(args.cut.cut());
-    let options = options(args, driven, unit);
-    // A further unit or a learned residual runs along all rows again; a trip is placed by a later row.
-    let whole =
-        !args.then.is_empty() || corrector.is_some() || args.residual.len() > 1 || driven == RateOfInputs::Linear;
+    // A further unit or a learned residual runs along all rows again.
+    let whole = !args.then.is_empty() || corrector.is_some() || args.residual.len() > 1;
     let progress = Progress::new(bags.len(), "recordings");
     let results: Vec<anyhow::Result<Result>> = bags
         .par_iter()
         .map(|bag| {
-            let from = (bag, mapped.given(&bag.path));
-            let result = replay(from, &options, twin.clone(), corrector, unit, whole);
+            let followed = follow(args, bag, driven, (twin.clone(), unit), whole)?;
+            let result = describe(args, (bag, mapped.given(&bag.path)), followed, unit, corrector);
             progress.step();
             result
         })
@@ -329,25 +325,16 @@ fn replay_all(
     }
 }
 
-fn replay(
+/// A replay with where it is from, and its correction.
+fn describe(
+    args: &Args,
     (bag, given): (&Bag, &Path),
-    options: &ReadOptions,
-    mut twin: Twin,
-    corrector: Option<&Corrector>,
+    Followed { replayed, health, between }: Followed,
     unit: &Unit,
-    whole: bool,
+    corrector: Option<&Corrector>,
 ) -> anyhow::Result<Result> {
-    let (replayed, health) = if whole {
-        let Loaded { mut recording, health } = govtwin_bag::read(&bag.path, options)?;
-        if options.interpolation != Interpolation::Hold {
-            trips_amid(&mut recording);
-        }
-        (Replayed::new(&mut twin, Recording { name: bag.name.clone(), ..recording }), health)
-    } else {
-        rows::replay(&bag.path, &bag.name, options, &mut twin)?
-    };
     let mut warnings: Vec<String> = health.warnings.iter().map(ToString::to_string).collect();
-    warnings.extend(bags::doubt_of_pressure(&replayed.recording, &options.topics, unit));
+    warnings.extend(bags::doubt_of_pressure(&replayed.recording, &args.topics.topics(), unit));
     let scale = bags::TimeScale::of(&replayed.recording, unit).filter(bags::TimeScale::is_other);
     warnings.extend(scale.map(|scale| scale.words(true)));
     let marked = provenance::marked(Some(&health), given)?;
@@ -356,7 +343,7 @@ fn replay(
         bytes: health.files.iter().map(|file| file.bytes).sum(),
         origin: marked.origin.clone(),
         warnings,
-        notes: health.notes.iter().map(ToString::to_string).collect(),
+        notes: health.notes.iter().map(ToString::to_string).chain(between).collect(),
     };
     let about = simulated::about(&bag.name, &health, &marked);
     let corrected = corrector.map(|corrector| residual::correct(corrector, &replayed));

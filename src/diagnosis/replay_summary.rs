@@ -73,7 +73,7 @@ pub struct ReplaySummary {
     pub parameters: ParameterDifferences,
     /// Name of the cut.
     pub cut: &'static str,
-    /// `hold` or `linear`.
+    /// `hold`, `linear`, or `as_recorded`: held where rows are close, else straight with trips when the unit moved.
     pub inputs_between_samples: &'static str,
     /// Recording by recording, in the order given.
     pub recordings: Vec<RecordingFigures>,

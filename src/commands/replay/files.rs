@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use govtwin_bag::Sealed;
-use govtwin_correction::row::RateOfInputs;
+use govtwin_bag::{Interpolation, Sealed};
 use govtwin_diagnosis::replay_summary::ReplaySummary;
 use govtwin_diagnosis::replay_validation::{Check, Validation};
 use govtwin_files::remove_stale;
@@ -58,7 +57,7 @@ fn write_bag(bag: &Bag, dir: &Path, one: &Result, unit: &Unit, args: &Args) -> a
         return simulated::write(&bag.path, dir, replayed, &topics, about);
     }
     // Only a replay row by row leaves rows out, and there inputs hold.
-    let options = options(args, RateOfInputs::Hold, unit);
+    let options = options(args, Interpolation::Hold, unit);
     let mut twin = Twin::new(unit).with_cut(args.cut.cut());
     let measured = replayed.scores.are_measured();
     if let Some(sealed) = rows::write((&bag.path, about), dir, &options, &mut twin, measured, &topics)? {

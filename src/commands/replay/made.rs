@@ -2,21 +2,20 @@
 
 use std::path::PathBuf;
 
-use govtwin_correction::row::RateOfInputs;
 use govtwin_correction::shipped;
 use govtwin_model::params::Sheet;
 use govtwin_model::provenance::Provenance;
 
 use super::super::bags::Mapped;
 use super::super::{model, provenance};
-use super::residual::Shipped;
+use super::residual::{Driven, Shipped};
 use super::{Args, Result};
 
 /// What the figures are made from.
 pub(super) fn describe(
     args: &Args,
     sheet: &Sheet,
-    (driven, shipped): (RateOfInputs, &Shipped),
+    (driven, shipped): (Driven, &Shipped),
     mapped: &Mapped,
     results: &[Result],
 ) -> anyhow::Result<Provenance> {

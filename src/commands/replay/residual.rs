@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Context;
-use govtwin_bag::Rows;
+use govtwin_bag::{Interpolation, Rows};
 use govtwin_correction::adapt::Adaptation;
 use govtwin_correction::corrector::Corrector;
 use govtwin_correction::guard::GuardCounts;
@@ -35,11 +35,31 @@ pub enum Shipped {
     Unfit(String),
 }
 
-/// The learned residuals of a replay, and what drives the twin between samples.
+/// What drives the twin between rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Driven {
+    /// As asked for, or as a residual was trained.
+    By(RateOfInputs),
+    /// Inputs hold where rows are close, as live. Where they are far apart the recorder chose their rate and not the governor: inputs run straight,
+    /// round sharp bends of the command, and a trip comes when the unit moved.
+    AsRecorded,
+}
+
+impl Driven {
+    /// The name in files and words.
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::By(rate) => rate.id(),
+            Self::AsRecorded => "as_recorded",
+        }
+    }
+}
+
+/// The learned residuals of a replay, and what drives the twin between rows.
 pub struct Choice<'a> {
     /// Each with its file.
     pub models: Vec<(&'a Path, Model)>,
-    pub driven: RateOfInputs,
+    pub driven: Driven,
     pub shipped: Shipped,
     /// Why a bag could not be looked at; a replay that reads it after all chose by less than it has.
     pub unread: Option<String>,
@@ -60,6 +80,7 @@ impl<'a> Choice<'a> {
         let Some(model) = of_unit else { return Ok(Self { models, driven, shipped: Shipped::NotAsked, unread }) };
         Ok(match shipped_drives(&model, args, unit, bags, &mut unread) {
             Ok(driven) => {
+                let driven = Driven::By(driven);
                 Self { models: vec![(Path::new(shipped::NAME), model)], driven, shipped: Shipped::Used, unread }
             }
             Err(reason) => Self { models, driven, shipped: Shipped::Unfit(reason), unread },
@@ -67,10 +88,12 @@ impl<'a> Choice<'a> {
     }
 }
 
-/// What drives the twin between samples: as asked for, or as the residuals were trained.
-fn rate_of_inputs(args: &Args, models: &[(&Path, Model)]) -> anyhow::Result<RateOfInputs> {
+/// What drives the twin between rows: as asked for, as the residuals were trained, or as rows come.
+fn rate_of_inputs(args: &Args, models: &[(&Path, Model)]) -> anyhow::Result<Driven> {
     let asked = args.rate_of_inputs;
-    let wanted = asked.or_else(|| models.first().map(|(_, model)| model.rate_of_inputs)).unwrap_or_default();
+    let Some(wanted) = asked.or_else(|| models.first().map(|(_, model)| model.rate_of_inputs)) else {
+        return Ok(Driven::AsRecorded);
+    };
     if let Some((path, model)) = models.iter().find(|(_, model)| model.rate_of_inputs != wanted) {
         let trained = model.rate_of_inputs.id();
         return Err(usage(if asked.is_some() {
@@ -86,10 +109,10 @@ fn rate_of_inputs(args: &Args, models: &[(&Path, Model)]) -> anyhow::Result<Rate
             )
         }));
     }
-    Ok(wanted)
+    Ok(Driven::By(wanted))
 }
 
-/// What drives the twin between samples under the shipped residual: as in its training, and held where rows come as fast as live.
+/// What drives the twin between rows under the shipped residual: as in its training, and held where rows come as fast as live.
 fn shipped_drives(
     model: &Model,
     args: &Args,
@@ -98,7 +121,7 @@ fn shipped_drives(
     unread: &mut Option<String>,
 ) -> Result<RateOfInputs, String> {
     ready(model, unit, args.cut.cut()).map_err(|error| error.to_string())?;
-    let options = super::options(args, RateOfInputs::Hold, unit);
+    let options = super::options(args, Interpolation::Hold, unit);
     let mut slow = false;
     for bag in bags {
         let mut pace = Pace::default();
