@@ -123,7 +123,8 @@ pub fn diagnose(
     let (problem, refitted, sheet) =
         model::search::nominal(ready.recordings.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
     let catalogue = &settings.catalogue;
-    progress("profiling every effect over its range", 0.1);
+    let left = refitted.cost() / problem.expected_cost().max(1.0);
+    progress(&format!("recalibrated, the twin leaves {left:.1} times what noise would: profiling every effect"), 0.1);
     let singles = Singles::profiled(&problem, &refitted, &sheet, catalogue);
     // The likeliest effect tells the noise, and all fits count by that: where the unit chatters depends on what is wrong with it.
     let relaid = singles.leading().and_then(|unit| likelier(&problem, unit));
