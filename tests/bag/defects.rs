@@ -132,7 +132,7 @@ fn pressure(rows: &mut [Frame], times: f64) {
     map(rows, |_, row| row.inputs.tank_pressure_pa *= times);
 }
 
-fn time(rows: &mut [Frame], times: f64) {
+pub fn time(rows: &mut [Frame], times: f64) {
     let begin_ns = rows[0].time_ns;
     map(rows, |_, row| row.time_ns = begin_ns + ((row.time_ns - begin_ns) as f64 * times) as i64);
 }

@@ -75,3 +75,22 @@ fn nothing_is_concluded_from_what_cannot_be() {
     let passed = let_pass("diagnose", &[], &[Fate::Impossible, Fate::OfAnother]);
     assert!(passed.is_empty(), "{passed:#?}");
 }
+
+/// A loss of oil flow slows a unit, and nothing makes it faster than its sheet.
+#[test]
+fn one_recording_that_is_faster_than_the_unit_is_not_of_it() {
+    let changed = |factor: f64| {
+        let mut rows = frames("practice/case_01/load_rejection.mcap");
+        super::defects::time(&mut rows, factor);
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("one.mcap"), bag_of(&rows).bytes(WriteOptions::new())).unwrap();
+        folder
+    };
+    let (code, _, told) = run("fit", &[], changed(0.5).path());
+    assert!(
+        code == 1 && told.contains("the recording is not of this unit") && told.contains("--stage-alone"),
+        "{told}"
+    );
+    let (code, _, told) = run("fit", &[], changed(2.0).path());
+    assert!(code != 1 && told.contains("or a loss of oil flow slows both"), "{code} {told}");
+}

@@ -2,7 +2,7 @@
 //!
 //! No fault slows spool and servomotor alike, by the same factor in whatever they do; a clock in another unit, or an export by a wrong rate, does. A
 //! recording of another unit may look so too. A loss of oil flow looks so in one recording, by another factor in each: only where several agree
-//! is nothing concluded from them.
+//! is nothing concluded from them. None makes a unit faster than its sheet: one recording that is tells enough.
 
 use govtwin_model::frame::Frame;
 use govtwin_model::metrics::Figures;
@@ -109,7 +109,8 @@ impl TimeScale {
         self.factor.max(1.0 / self.factor) > LEAST && self.remains < DOUBTFUL
     }
 
-    /// Whether nothing but another time, or another unit, explains several recordings: all that can tell have the same other scale.
+    /// Whether nothing but another time, or another unit, explains recordings: all that can tell have the same other scale, and are several, or faster
+    /// than the plant.
     pub fn agree<'a>(all: impl Iterator<Item = &'a Self>) -> bool {
         let (mut count, mut least, mut most) = (0, f64::INFINITY, 0.0_f64);
         for scale in all {
@@ -118,7 +119,7 @@ impl TimeScale {
             }
             (count, least, most) = (count + 1, least.min(scale.factor), most.max(scale.factor));
         }
-        count > 1 && most <= ALIKE * least
+        (count > 1 || most < 1.0) && most <= ALIKE * least
     }
 
     /// In words, with the way out; `alone` where no other recording says the same.
@@ -133,7 +134,8 @@ impl TimeScale {
         let also = if alone && factor > 1.0 { ", or a loss of oil flow slows both" } else { "" };
         format!(
             "with its time divided by {factor:.2} the sheet's twin follows it, the error falls {}: the recording is not of this unit, or its time is {what} by {rest:.2}{also}; \
-             check the unit and the rate of its time (`time:` of an import map), or name the sheet of its unit with --params",
+             check the unit and the rate of its time (`time:` of an import map), or name the sheet of its unit with --params (`diagnose` can do without: \
+             --no-sheet, --stage-alone)",
             falls.join(" and ")
         )
     }
@@ -169,5 +171,6 @@ mod tests {
         assert!(!agree(&[(2.07, 0.01), (1.41, 0.1)]), "as a supply loss has it");
         assert!(!agree(&[(2.0, 0.01), (1.0, 1.0)]) && !agree(&[(2.0, 0.01), (2.0, 0.5)]));
         assert!(!agree(&[(2.0, 0.01)]) && !agree(&[]));
+        assert!(agree(&[(0.5, 0.01)]) && !agree(&[(0.5, 0.4)]), "no fault makes a unit faster");
     }
 }
