@@ -14,7 +14,7 @@ use std::ops::RangeInclusive;
 use serde::Serialize;
 
 use govtwin_model::frame::{Frame, Signals};
-use govtwin_model::recording::Recording;
+use govtwin_model::recording::{Recording, median_spacing_ns};
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
@@ -211,7 +211,7 @@ fn forget(measured: &mut Signals, signal: Signal) {
 }
 
 fn count_missing(frames: &[Frame], sampled: &[usize], cleaning: &mut Cleaning) {
-    let period_ns = median_spacing_ns(frames, sampled);
+    let period_ns = median_spacing_ns(sampled.iter().map(|&at| frames[at].time_ns));
     if period_ns == 0 {
         return;
     }
@@ -222,15 +222,6 @@ fn count_missing(frames: &[Frame], sampled: &[usize], cleaning: &mut Cleaning) {
             cleaning.missing.at(u64::try_from(absent).unwrap_or(0), seconds_from_nanos(from_ns - frames[0].time_ns));
         }
     }
-}
-
-/// The usual time between two samples, ns; 0 where there are fewer than two.
-#[must_use]
-pub(crate) fn median_spacing_ns(frames: &[Frame], sampled: &[usize]) -> i64 {
-    let mut spacings: Vec<i64> =
-        sampled.windows(2).map(|pair| frames[pair[1]].time_ns - frames[pair[0]].time_ns).collect();
-    spacings.sort_unstable();
-    spacings.get(spacings.len() / 2).copied().unwrap_or(0)
 }
 
 #[cfg(test)]

@@ -5,9 +5,8 @@
 //! rows are there, but what happened between the recorded ones is an assumption, which is reported.
 
 use super::model::{Model, ModelError};
-use super::prepare::median_spacing_ns;
 use super::table::spacing_ns;
-use govtwin_model::recording::Recording;
+use govtwin_model::recording::{Recording, median_spacing_ns};
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
@@ -49,8 +48,7 @@ pub fn check_spacing(model: &Model, spacing_ns: i64) -> Result<(), ModelError> {
 /// # Errors
 /// As [`check_spacing`].
 pub fn check(model: &Model, driven: &Recording) -> Result<Option<String>, ModelError> {
-    let all: Vec<usize> = (0..driven.frames.len()).collect();
-    check_spacing(model, median_spacing_ns(&driven.frames, &all))?;
+    check_spacing(model, median_spacing_ns(driven.frames.iter().map(|frame| frame.time_ns)))?;
     // The servomotor's position runs straight between rows where the twin is driven more finely; nothing else is made up.
     let recorded = Signal::ALL.into_iter().filter(|signal| *signal != Signal::ServomotorPosition);
     let recorded_ns = recorded.map(|signal| spacing_ns(driven, signal)).filter(|ns| *ns > 0).min();

@@ -3,10 +3,9 @@
 use super::corrector::motion;
 use super::features::{self, Feature};
 use super::history::History;
-use super::prepare::median_spacing_ns;
 use super::row::{Opening, RateOfInputs, RowChannel, RowMaker};
 use govtwin_model::frame::Estimate;
-use govtwin_model::recording::{Process, Recording};
+use govtwin_model::recording::{Process, Recording, median_spacing_ns};
 use govtwin_model::signal::Signal;
 
 /// What a table is made for.
@@ -87,9 +86,8 @@ pub fn slowest_period_ns(recordings: &[Recording], signal: Signal) -> i64 {
 
 /// The usual spacing of a signal's samples, ns; 0 where there are fewer than two.
 pub(super) fn spacing_ns(recording: &Recording, signal: Signal) -> i64 {
-    let frames = &recording.frames;
-    let sampled: Vec<usize> = (0..frames.len()).filter(|&at| signal.of(&frames[at].measured).is_finite()).collect();
-    median_spacing_ns(frames, &sampled)
+    let sampled = recording.frames.iter().filter(|frame| signal.of(&frame.measured).is_finite());
+    median_spacing_ns(sampled.map(|frame| frame.time_ns))
 }
 
 /// One row for each sample of the signal, at most one a training period. Estimates stand frame by frame.

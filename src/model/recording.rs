@@ -9,6 +9,15 @@ use crate::units::seconds_from_nanos;
 /// Samples farther apart than this leave open what inputs do between them, ns: the spool, which settles within it, shows none of it.
 pub const SLOW_NS: i64 = 30_000_000;
 
+/// The usual time between two rows, ns: the median; 0 where there are fewer than two.
+#[must_use]
+pub fn median_spacing_ns(times_ns: impl Iterator<Item = i64>) -> i64 {
+    let mut last_ns = None;
+    let mut spacings_ns: Vec<i64> = times_ns.filter_map(|time_ns| Some(time_ns - last_ns.replace(time_ns)?)).collect();
+    spacings_ns.sort_unstable();
+    spacings_ns.get(spacings_ns.len() / 2).copied().unwrap_or(0)
+}
+
 /// The four dynamic processes of a governor (Liu et al. 2025, section 4.2); there are no others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Process {

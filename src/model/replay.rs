@@ -9,7 +9,7 @@ pub mod trips;
 use crate::frame::{Estimate, Frame};
 use crate::metrics::{Accumulator, Figures};
 use crate::parameters::Unit;
-use crate::recording::Recording;
+use crate::recording::{Recording, median_spacing_ns};
 use crate::signal::Signal;
 use crate::twin::{Cut, Twin};
 use rows::Simulator;
@@ -129,10 +129,7 @@ impl Replayed {
     /// The usual time between two rows, ns; 0 where there is one row at most.
     #[must_use]
     pub fn row_ns(&self) -> i64 {
-        let mut steps_ns: Vec<i64> =
-            self.recording.frames.windows(2).map(|pair| pair[1].time_ns - pair[0].time_ns).collect();
-        steps_ns.sort_unstable();
-        let step_ns = steps_ns.get(steps_ns.len() / 2).copied().unwrap_or(0);
+        let step_ns = median_spacing_ns(self.recording.frames.iter().map(|frame| frame.time_ns));
         step_ns / i64::try_from(self.every).unwrap_or(i64::MAX)
     }
 

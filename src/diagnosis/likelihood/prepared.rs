@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::likelihood::idle::idle_segments;
 use govtwin_model::frame::{Estimate, Frame};
 use govtwin_model::plant::lanes::Width;
-use govtwin_model::recording::{Process, Recording, SLOW_NS};
+use govtwin_model::recording::{Process, Recording, SLOW_NS, median_spacing_ns};
 use govtwin_model::signal::Signal;
 use govtwin_model::twin::batch::{self, BatchRow};
 use govtwin_model::twin::{Cut, Twin};
@@ -251,10 +251,7 @@ fn is_sample(frame: &Frame) -> bool {
 
 /// Median time between the rows at which something was measured, s; 0 where there are fewer than two.
 fn period_s(frames: &[Frame]) -> f64 {
-    let times_ns: Vec<i64> = frames.iter().filter(|frame| is_sample(frame)).map(|frame| frame.time_ns).collect();
-    let mut periods_ns: Vec<i64> = times_ns.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    periods_ns.sort_unstable();
-    periods_ns.get(periods_ns.len() / 2).map_or(0.0, |&period_ns| seconds_from_nanos(period_ns))
+    seconds_from_nanos(median_spacing_ns(frames.iter().filter(|frame| is_sample(frame)).map(|frame| frame.time_ns)))
 }
 
 /// Leaves the rows that hold spool or servomotor, with a straight line where the spool has no sample of its own; rows before its first and behind
