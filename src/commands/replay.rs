@@ -27,15 +27,15 @@ use govtwin_model::replay::Replayed;
 use govtwin_model::replay::ladder::Ladder;
 use govtwin_model::twin::{Cut, Twin};
 use govtwin_pages::replay::{ladder_table, process_table, reason_for_dashes, reason_for_stars};
-use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
-use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
+use super::bags::{self, Bag, GivenBag, MapArgs, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
 use super::{provenance, rate_of_inputs};
 use crate::commands::{Outcome, sheet_of, usage};
-use follow::{Followed, follow};
+use follow::{Followed, Way};
 use node_run::NodeRun;
-use residual::{Choice, Driven, Shipped};
+use residual::{Choice, Shipped};
 use validation::Requirements;
 
 /// The page.
@@ -192,19 +192,32 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if let Some(out) = &args.out {
         files::refuse_to_overwrite(out, &bags)?;
     }
-    let Choice { models, driven, shipped, unread } = Choice::new(args, &sheet.unit, &bags)?;
-    let requirements = Requirements::read(args, driven.id(), models.len())?;
-    let climbs = !args.then.is_empty() || models.len() > 1;
-    // On a ladder every model has a unit of its own.
-    let single = models.first().filter(|_| !climbs);
+    let mut choice = Choice::new(args, &sheet.unit)?;
+    let climbs = !args.then.is_empty() || choice.models.len() > 1;
     if climbs && args.adapt {
         return Err(usage("--adapt follows one residual; leave out --then and further --residual"));
     }
-    let corrector = single.map(|(_, model)| residual::ready(model, &sheet.unit, args.cut.cut())).transpose()?;
-    let mut results = replay_all(args, driven, &sheet.unit, &bags, &mapped, corrector.as_ref())?;
-    if let Some(error) = unread {
-        anyhow::bail!("{error}; the bag could be read a moment later: run the command again");
+    let mut requirements = Requirements::read(args, choice.models.len())?;
+    let twin = Twin::new(&sheet.unit).with_cut(args.cut.cut());
+    // A further unit or a learned residual runs along all rows again.
+    let whole = !args.then.is_empty() || !choice.models.is_empty();
+    let way = Way { args, unit: &sheet.unit, twin: &twin, whole };
+    let mut held: Vec<Option<Followed>> = bags.iter().map(|_| None).collect();
+    if choice.is_open() {
+        held = on_all(&bags, held, |bag, _| way.hold(bag).map(Some))?;
+        choice.settle(args, &sheet.unit, bags.iter().zip(held.iter().flatten().map(|held| &held.replayed)));
     }
+    let Choice { models, driven, shipped, .. } = choice;
+    if let Some(requirements) = &mut requirements {
+        requirements.suit(args, driven.id(), !models.is_empty())?;
+    }
+    // On a ladder every model has a unit of its own.
+    let single = models.first().filter(|_| !climbs);
+    let corrector = single.map(|(_, model)| residual::ready(model, &sheet.unit, args.cut.cut())).transpose()?;
+    let mut results = on_all(&bags, held, |bag, held| {
+        let followed = way.drive(bag, driven, held)?;
+        describe(args, (bag, mapped.given(&bag.path)), followed, &sheet.unit, corrector.as_ref())
+    })?;
     residual::check_rates(&models, &shipped, &mut results)?;
     let mut adaptation = None;
     if let Some((_, model)) = single.filter(|_| args.adapt) {
@@ -287,39 +300,30 @@ fn options(args: &Args, interpolation: Interpolation, unit: &Unit) -> ReadOption
     options
 }
 
-/// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
-fn replay_all(
-    args: &Args,
-    driven: Driven,
-    unit: &Unit,
+/// Works on every bag, in parallel, with results in the order of the bags; all that fail are named at once.
+fn on_all<With: Send, Made: Send>(
     bags: &[Bag],
-    mapped: &Mapped,
-    corrector: Option<&Corrector>,
-) -> anyhow::Result<Vec<Result>> {
-    let twin = Twin::new(unit).with_cut(args.cut.cut());
-    // A further unit or a learned residual runs along all rows again.
-    let whole = !args.then.is_empty() || corrector.is_some() || args.residual.len() > 1;
+    with: Vec<With>,
+    work: impl Fn(&Bag, With) -> anyhow::Result<Made> + Sync,
+) -> anyhow::Result<Vec<Made>> {
     let progress = Progress::new(bags.len(), "recordings");
-    let results: Vec<anyhow::Result<Result>> = bags
-        .par_iter()
-        .map(|bag| {
-            let followed = follow(args, bag, driven, (twin.clone(), unit), whole)?;
-            let result = describe(args, (bag, mapped.given(&bag.path)), followed, unit, corrector);
-            progress.step();
-            result
-        })
-        .collect();
+    let done = |(bag, with)| {
+        let made = work(bag, with);
+        progress.step();
+        made
+    };
+    let results: Vec<anyhow::Result<Made>> = bags.par_iter().zip(with).map(done).collect();
     drop(progress);
-    let mut whole = vec![];
+    let mut all = vec![];
     let mut errors = vec![];
     for result in results {
         match result {
-            Ok(result) => whole.push(result),
+            Ok(made) => all.push(made),
             Err(error) => errors.push(format!("{error:#}")),
         }
     }
     match errors.len() {
-        0 => Ok(whole),
+        0 => Ok(all),
         1 => anyhow::bail!("{}", errors.remove(0)),
         count => anyhow::bail!("{count} of {} bags cannot be replayed:\n  {}", bags.len(), errors.join("\n  ")),
     }

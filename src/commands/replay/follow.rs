@@ -22,58 +22,69 @@ pub(super) struct Followed {
     pub between: Option<String>,
 }
 
-/// Runs the twin of a unit along a bag.
-pub(super) fn follow(
-    args: &Args,
-    bag: &Bag,
-    driven: Driven,
-    (mut twin, unit): (Twin, &Unit),
-    whole: bool,
-) -> anyhow::Result<Followed> {
-    let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
-    let load = |interpolation| {
-        let Loaded { recording, health } = govtwin_bag::read(&bag.path, &options(args, interpolation, unit))?;
-        Ok::<_, BagError>((Recording { name: bag.name.clone(), ..recording }, health))
-    };
-    let (replayed, health) = if driven == Driven::By(RateOfInputs::Linear) {
-        let (mut recording, health) = load(Interpolation::Linear { period_ns })?;
-        trips_amid(&mut recording);
-        (Replayed::new(&mut twin, recording), health)
-    } else if whole {
-        let (recording, health) = load(Interpolation::Hold)?;
-        (Replayed::new(&mut twin, recording), health)
-    } else {
-        rows::replay(&bag.path, &bag.name, &options(args, Interpolation::Hold, unit), &mut twin)?
-    };
-    let row_ns = replayed.row_ns();
-    if driven != Driven::AsRecorded || row_ns <= SLOW_NS {
-        return Ok(Followed { replayed, health, between: None });
+/// A twin, and how bags are read for it.
+#[derive(Clone, Copy)]
+pub(super) struct Way<'a> {
+    pub args: &'a Args,
+    pub unit: &'a Unit,
+    pub twin: &'a Twin,
+    /// All rows are kept: something else runs along them again.
+    pub whole: bool,
+}
+
+impl Way<'_> {
+    /// Runs the twin along a bag as its rows come, inputs held.
+    pub fn hold(self, bag: &Bag) -> anyhow::Result<Followed> {
+        let twin = &mut self.twin.clone();
+        let (replayed, health) = if self.whole {
+            let (recording, health) = self.load(bag, Interpolation::Hold)?;
+            (Replayed::new(twin, recording), health)
+        } else {
+            rows::replay(&bag.path, &bag.name, &options(self.args, Interpolation::Hold, self.unit), twin)?
+        };
+        Ok(Followed { replayed, health, between: None })
     }
-    let slow = format!("rows come every {:.2} s", seconds_from_nanos(row_ns));
-    match load(Interpolation::Sharp { period_ns }) {
-        Ok((mut recording, health)) => {
-            let trips = match place_trips(&twin, &mut recording).as_slice() {
-                [] => String::new(),
-                earlier_ns => {
-                    let most_s = seconds_from_nanos(earlier_ns.iter().copied().max().unwrap_or(0));
-                    format!(
-                        ", and {} set up to {most_s:.2} s before its row, as the unit moved",
-                        trips(earlier_ns.len())
-                    )
-                }
-            };
-            let between = Some(format!("{slow}: between them the twin's inputs run straight{trips}"));
-            Ok(Followed { replayed: Replayed::new(&mut twin, recording), health, between })
+
+    /// The same as the twin is to be driven, of what [`Self::hold`] found, if it has run.
+    pub fn drive(self, bag: &Bag, driven: Driven, held: Option<Followed>) -> anyhow::Result<Followed> {
+        let period_ns = nanos_from_seconds(self.unit.parameters.regulator.large_loop_period_s).max(1);
+        if driven == Driven::By(RateOfInputs::Linear) {
+            let (mut recording, health) = self.load(bag, Interpolation::Linear { period_ns })?;
+            trips_amid(&mut recording);
+            let replayed = Replayed::new(&mut self.twin.clone(), recording);
+            return Ok(Followed { replayed, health, between: None });
         }
-        // Held inputs need no rows between.
-        Err(BagError::TooManyRows { .. }) => {
-            let between = Some(format!("{slow}, too many to fill the time between: the twin's inputs hold there"));
-            Ok(Followed { replayed, health, between })
+        let held = held.map_or_else(|| self.hold(bag), Ok)?;
+        let row_ns = held.replayed.row_ns();
+        if driven != Driven::AsRecorded || row_ns <= SLOW_NS {
+            return Ok(held);
         }
-        Err(error) => Err(error.into()),
+        let slow = format!("rows come every {:.2} s", seconds_from_nanos(row_ns));
+        match self.load(bag, Interpolation::Sharp { period_ns }) {
+            Ok((mut recording, health)) => {
+                let trips = trips(&place_trips(self.twin, &mut recording));
+                let between = Some(format!("{slow}: between them the twin's inputs run straight{trips}"));
+                Ok(Followed { replayed: Replayed::new(&mut self.twin.clone(), recording), health, between })
+            }
+            // Held inputs need no rows between.
+            Err(BagError::TooManyRows { .. }) => {
+                let between = Some(format!("{slow}, too many to fill the time between: the twin's inputs hold there"));
+                Ok(Followed { between, ..held })
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn load(self, bag: &Bag, interpolation: Interpolation) -> Result<(Recording, Health), BagError> {
+        let Loaded { recording, health } = govtwin_bag::read(&bag.path, &options(self.args, interpolation, self.unit))?;
+        Ok((Recording { name: bag.name.clone(), ..recording }, health))
     }
 }
 
-fn trips(count: usize) -> String {
-    if count == 1 { "its trip was".to_owned() } else { format!("{count} trips were each") }
+/// How trips were set.
+fn trips(earlier_ns: &[i64]) -> String {
+    let Some(most_ns) = earlier_ns.iter().max() else { return String::new() };
+    let all =
+        if earlier_ns.len() == 1 { "its trip was".to_owned() } else { format!("{} trips were each", earlier_ns.len()) };
+    format!(", and {all} set up to {:.2} s before its row, as the unit moved", seconds_from_nanos(*most_ns))
 }

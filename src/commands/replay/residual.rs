@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use anyhow::Context;
-use govtwin_bag::{Interpolation, Rows};
 use govtwin_correction::adapt::Adaptation;
 use govtwin_correction::corrector::Corrector;
 use govtwin_correction::guard::GuardCounts;
@@ -12,7 +11,6 @@ use govtwin_correction::rate;
 use govtwin_correction::row::{Opening, RateOfInputs};
 use govtwin_correction::shipped;
 use govtwin_diagnosis::replay_summary::{RecordingSource, ReplaySummary, Residual, summarise};
-use govtwin_model::frame::Frame;
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::SLOW_NS;
 use govtwin_model::replay::Replayed;
@@ -61,13 +59,13 @@ pub struct Choice<'a> {
     pub models: Vec<(&'a Path, Model)>,
     pub driven: Driven,
     pub shipped: Shipped,
-    /// Why a bag could not be looked at; a replay that reads it after all chose by less than it has.
-    pub unread: Option<String>,
+    /// The shipped residual, where it is of the unit; the rows of the bags decide.
+    candidate: Option<Model>,
 }
 
 impl<'a> Choice<'a> {
-    /// Those that were given, or the shipped one where it is of the unit.
-    pub fn new(args: &'a Args, unit: &Unit, bags: &[Bag]) -> anyhow::Result<Self> {
+    /// Those that were given; the shipped one waits for [`Self::settle`] where it is of the unit.
+    pub fn new(args: &'a Args, unit: &Unit) -> anyhow::Result<Self> {
         let without = args.residual.iter().any(|path| model::is_none(path));
         if without && (args.residual.len() > 1 || args.adapt) {
             return Err(usage("--residual none: leave out --adapt and further --residual"));
@@ -75,16 +73,25 @@ impl<'a> Choice<'a> {
         let given = args.residual.iter().filter(|_| !without).map(|path| Ok((path.as_path(), model::load(path)?)));
         let models = given.collect::<anyhow::Result<Vec<_>>>()?;
         let driven = rate_of_inputs(args, &models)?;
-        let of_unit = (args.residual.is_empty() && args.then.is_empty()).then(|| shipped::of(unit)).flatten();
-        let mut unread = None;
-        let Some(model) = of_unit else { return Ok(Self { models, driven, shipped: Shipped::NotAsked, unread }) };
-        Ok(match shipped_drives(&model, args, unit, bags, &mut unread) {
+        let candidate = (args.residual.is_empty() && args.then.is_empty()).then(|| shipped::of(unit)).flatten();
+        Ok(Self { models, driven, shipped: Shipped::NotAsked, candidate })
+    }
+
+    /// Whether the rows of the bags decide.
+    pub fn is_open(&self) -> bool {
+        self.candidate.is_some()
+    }
+
+    /// Takes the shipped residual where it can correct every bag as its rows come, or keeps the reason.
+    pub fn settle<'b>(&mut self, args: &Args, unit: &Unit, bags: impl Iterator<Item = (&'b Bag, &'b Replayed)>) {
+        let Some(model) = self.candidate.take() else { return };
+        match shipped_drives(&model, args, unit, bags) {
             Ok(driven) => {
-                let driven = Driven::By(driven);
-                Self { models: vec![(Path::new(shipped::NAME), model)], driven, shipped: Shipped::Used, unread }
+                self.models = vec![(Path::new(shipped::NAME), model)];
+                (self.driven, self.shipped) = (Driven::By(driven), Shipped::Used);
             }
-            Err(reason) => Self { models, driven, shipped: Shipped::Unfit(reason), unread },
-        })
+            Err(reason) => self.shipped = Shipped::Unfit(reason),
+        }
     }
 }
 
@@ -113,32 +120,24 @@ fn rate_of_inputs(args: &Args, models: &[(&Path, Model)]) -> anyhow::Result<Driv
 }
 
 /// What drives the twin between rows under the shipped residual: as in its training, and held where rows come as fast as live.
-fn shipped_drives(
+fn shipped_drives<'b>(
     model: &Model,
     args: &Args,
     unit: &Unit,
-    bags: &[Bag],
-    unread: &mut Option<String>,
+    bags: impl Iterator<Item = (&'b Bag, &'b Replayed)>,
 ) -> Result<RateOfInputs, String> {
     ready(model, unit, args.cut.cut()).map_err(|error| error.to_string())?;
-    let options = super::options(args, Interpolation::Hold, unit);
     let mut slow = false;
-    for bag in bags {
-        let mut pace = Pace::default();
-        // What can never be read is reported by the replay.
-        if let Err(error) = govtwin_bag::read_rows(&bag.path, &options, &mut pace) {
-            *unread = Some(error.to_string());
-            continue;
-        }
-        let spacing_ns = pace.spacing_ns();
-        rate::check_spacing(model, spacing_ns).map_err(|error| format!("{}: {error}", bag.name))?;
-        if pace.rows > MOST_KEPT {
+    for (Bag { name, .. }, replayed) in bags {
+        let row_ns = replayed.row_ns();
+        rate::check_spacing(model, row_ns).map_err(|error| format!("{name}: {error}"))?;
+        let rows = replayed.rows;
+        if rows > MOST_KEPT {
             return Err(format!(
-                "{} has {} rows, of which {MOST_KEPT} are kept; give its file with --residual to use it",
-                bag.name, pace.rows
+                "{name} has {rows} rows, of which {MOST_KEPT} are kept; give its file with --residual to use it"
             ));
         }
-        slow |= spacing_ns > SLOW_NS;
+        slow |= row_ns > SLOW_NS;
     }
     let trained = model.rate_of_inputs;
     match args.rate_of_inputs {
@@ -147,35 +146,6 @@ fn shipped_drives(
         }
         Some(asked) => Ok(asked),
         None => Ok(if slow { trained } else { RateOfInputs::Hold }),
-    }
-}
-
-/// Rows of a recording, and the time between the first of them.
-#[derive(Default)]
-struct Pace {
-    rows: usize,
-    last_ns: i64,
-    spacings_ns: Vec<i64>,
-}
-
-impl Pace {
-    /// The usual time between two rows.
-    fn spacing_ns(&mut self) -> i64 {
-        self.spacings_ns.sort_unstable();
-        self.spacings_ns.get(self.spacings_ns.len() / 2).copied().unwrap_or(0)
-    }
-}
-
-impl Rows for Pace {
-    fn restart(&mut self) {
-        *self = Self::default();
-    }
-
-    fn row(&mut self, frame: &Frame) {
-        if (1..=MOST_KEPT).contains(&self.rows) {
-            self.spacings_ns.push(frame.time_ns - self.last_ns);
-        }
-        (self.rows, self.last_ns) = (self.rows + 1, frame.time_ns);
     }
 }
 

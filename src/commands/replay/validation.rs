@@ -30,7 +30,7 @@ pub struct Requirements {
 
 impl Requirements {
     /// What the command line asks for, read before the work; `None` where it asks for nothing.
-    pub fn read(args: &Args, inputs: &str, models: usize) -> anyhow::Result<Option<Self>> {
+    pub fn read(args: &Args, models: usize) -> anyhow::Result<Option<Self>> {
         if args.require.is_empty() && args.against.is_none() {
             return if args.junit.is_some() {
                 Err(usage("--junit reports limits: give --require or --against"))
@@ -49,14 +49,21 @@ impl Requirements {
             }
         }
         let baseline = args.against.as_deref().map(|path| {
-            let text = govtwin_files::read_bytes(path, LARGEST_BYTES)?;
-            Ok(Baseline::read(&text, cut_id(args.cut.cut()), inputs, models > 0)?)
+            let text = govtwin_files::read_bytes(path, LARGEST_BYTES).with_context(|| named(args))?;
+            Baseline::read(&text).with_context(|| named(args))
         });
-        let named = || format!("--against {}", args.against.as_deref().unwrap_or(Path::new("")).display());
-        let baseline = baseline.transpose().map_err(|error: anyhow::Error| error.context(named()))?;
+        let baseline = baseline.transpose()?;
         let junit =
             args.junit.as_ref().map(|path| Ok::<_, anyhow::Error>((path.clone(), claim_place("--junit", path)?)));
         Ok(Some(Self { limits, baseline, worse_by: args.worse_by, junit: junit.transpose()? }))
+    }
+
+    /// Refuses a baseline that was made otherwise than this replay.
+    pub fn suit(&mut self, args: &Args, inputs: &str, is_corrected: bool) -> anyhow::Result<()> {
+        let Some(baseline) = self.baseline.take() else { return Ok(()) };
+        let cut = cut_id(args.cut.cut());
+        self.baseline = Some(baseline.of_replay(cut, inputs, is_corrected).with_context(|| named(args))?);
+        Ok(())
     }
 
     /// Holds the figures against them; `replayed` stand in the order of the summary's recordings.
@@ -73,6 +80,10 @@ impl Requirements {
         let Some((path, _)) = &self.junit else { return Ok(()) };
         write_atomically(path, junit(validation).to_string().context("--junit")?.as_bytes())
     }
+}
+
+fn named(args: &Args) -> String {
+    format!("--against {}", args.against.as_deref().unwrap_or(Path::new("")).display())
 }
 
 /// The limits of a file, one a line; what stands behind a `#` is for people.

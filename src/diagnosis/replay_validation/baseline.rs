@@ -88,15 +88,24 @@ impl Figures {
 }
 
 impl Baseline {
-    /// Reads the text of a `replay.json` as the baseline of a replay with this cut, these inputs between samples, and with or without a residual.
+    /// Reads the text of a `replay.json`.
     ///
     /// # Errors
-    /// On a text that is no replay, or one that was made otherwise.
-    pub fn read(text: &[u8], cut: &str, inputs: &str, is_corrected: bool) -> Result<Self, BaselineError> {
-        let mut baseline: Self = serde_json::from_slice(text)?;
+    /// On a text that is no replay.
+    pub fn read(text: &[u8]) -> Result<Self, BaselineError> {
+        let baseline: Self = serde_json::from_slice(text)?;
         if baseline.schema != SCHEMA {
             return Err(BaselineError::Schema(baseline.schema));
         }
+        Ok(baseline)
+    }
+
+    /// The baseline of a replay with this cut, these inputs between samples, and with or without a residual.
+    ///
+    /// # Errors
+    /// If it was made otherwise.
+    pub fn of_replay(self, cut: &str, inputs: &str, is_corrected: bool) -> Result<Self, BaselineError> {
+        let mut baseline = self;
         let options = [("--cut", &baseline.cut, cut), ("--rate-of-inputs", &baseline.inputs_between_samples, inputs)];
         for (option, found, expected) in options {
             if found != expected {

@@ -94,7 +94,7 @@ fn figures_are_held_against_limits_and_the_worst_stretch_of_those_that_fail_is_f
 #[test]
 fn a_replay_is_no_worse_than_itself_and_worse_than_a_better_one() {
     let (good, bad) = (replayed("same", 0.010), replayed("same", 0.012));
-    let baseline = |summary: &ReplaySummary| Baseline::read(&json(summary), "none", "hold", false).unwrap();
+    let baseline = |summary: &ReplaySummary| Baseline::read(&json(summary)).unwrap();
     for worse_by in [0.0, 0.01, 10.0] {
         let validation = validate(&good, &[], Some((&baseline(&good), worse_by)), |_, _| None);
         assert!(validation.passed && validation.checks.len() == 9, "{validation:?}");
@@ -112,7 +112,7 @@ fn a_process_that_the_baseline_has_and_the_replay_lacks_fails() {
     let mut process = text["processes"][0].clone();
     process["process"] = "shutdown".into();
     text["processes"].as_array_mut().unwrap().push(process);
-    let baseline = Baseline::read(text.to_string().as_bytes(), "none", "hold", false).unwrap();
+    let baseline = Baseline::read(text.to_string().as_bytes()).unwrap();
     let validation = validate(&good, &[], Some((&baseline, 1.0)), |_, _| None);
     assert!(validation.broken().all(|check| check.of == "shutdown" && check.standing == Standing::NotMeasured));
     assert!(!validation.passed);
@@ -121,9 +121,11 @@ fn a_process_that_the_baseline_has_and_the_replay_lacks_fails() {
 #[test]
 fn a_baseline_that_was_made_otherwise_is_refused() {
     let text = json(&replayed("same", 0.01));
-    let refused = |cut, inputs, corrected| Baseline::read(&text, cut, inputs, corrected).unwrap_err().to_string();
+    let refused = |cut, inputs, corrected| {
+        Baseline::read(&text).unwrap().of_replay(cut, inputs, corrected).unwrap_err().to_string()
+    };
     assert!(refused("spool", "hold", false).contains("--cut"));
     assert!(refused("none", "linear", false).contains("--rate-of-inputs"));
     assert!(refused("none", "hold", true).contains("--residual"));
-    assert!(Baseline::read(b"{}", "none", "hold", false).unwrap_err().to_string().contains("replay.json"));
+    assert!(Baseline::read(b"{}").unwrap_err().to_string().contains("replay.json"));
 }
