@@ -97,7 +97,7 @@ const LONE: u64 = 8;
 
 /// Signs in the values of a channel that they are of two senders.
 pub(crate) fn two_courses(channel: &Channel) -> Option<String> {
-    if channel.alternating > 0 {
+    if channel.alternating as f64 > LONE_SHARE * channel.count as f64 {
         return Some(format!("{} values alternate between two courses", channel.alternating));
     }
     jumps_away(channel)
@@ -368,4 +368,26 @@ pub(super) fn of_files(files: &[FileHealth], is_counted: bool) -> Vec<Finding> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::two_courses;
+    use crate::channel::{Behaviour, Channel};
+
+    /// A thousand values of a course, of which some alternate with another one.
+    fn channel(alternating: std::ops::Range<i64>) -> Channel {
+        let mut channel = Channel::new(Behaviour { worth: 0.01, fastest_per_s: 1.0 });
+        for k in 0..1000 {
+            let other = alternating.contains(&k) && k % 2 == 0;
+            channel.push(k * 10_000_000, if other { 0.8 } else { 0.2 });
+        }
+        channel
+    }
+
+    #[test]
+    fn a_controller_that_chatters_once_is_no_second_sender() {
+        assert_eq!(two_courses(&channel(500..517)), None);
+        assert!(two_courses(&channel(500..700)).is_some_and(|sign| sign.contains("alternate between two courses")));
+    }
 }
