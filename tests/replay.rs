@@ -344,8 +344,12 @@ fn between_slow_rows_inputs_run_straight_and_the_trip_comes_when_the_unit_moved(
         "{held} {straight} {as_recorded}"
     );
     let notes = |figures: &serde_json::Value| figures["recordings"][0]["notes"].to_string();
-    assert!(notes(&as_recorded).contains("rows come every 0.20 s") && notes(&as_recorded).contains("its trip was set"));
+    assert!(notes(&as_recorded).contains("rows come every 0.20 s") && notes(&as_recorded).contains("a trip was set"));
     assert!(!notes(&held).contains("rows come every"));
+    assert_eq!(
+        as_recorded["recordings"][0]["rows"], held["recordings"][0]["rows"],
+        "added rows are none of the recording's"
+    );
 }
 
 #[test]

@@ -4,9 +4,9 @@ use govtwin_bag::{BagError, Health, Interpolation, Loaded};
 use govtwin_correction::row::RateOfInputs;
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::{Recording, SLOW_NS};
-use govtwin_model::replay::Replayed;
 use govtwin_model::replay::between::trips_amid;
 use govtwin_model::replay::trips::place_trips;
+use govtwin_model::replay::{Replayed, is_measured};
 use govtwin_model::twin::Twin;
 use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
@@ -51,8 +51,7 @@ impl Way<'_> {
         if driven == Driven::By(RateOfInputs::Linear) {
             let (mut recording, health) = self.load(bag, Interpolation::Linear { period_ns })?;
             trips_amid(&mut recording);
-            let replayed = Replayed::new(&mut self.twin.clone(), recording);
-            return Ok(Followed { replayed, health, between: None });
+            return Ok(Followed { replayed: self.along(recording), health, between: None });
         }
         let held = held.map_or_else(|| self.hold(bag), Ok)?;
         let row_ns = held.replayed.row_ns();
@@ -64,7 +63,7 @@ impl Way<'_> {
             Ok((mut recording, health)) => {
                 let trips = trips(&place_trips(self.twin, &mut recording));
                 let between = Some(format!("{slow}: between them the twin's inputs run straight{trips}"));
-                Ok(Followed { replayed: Replayed::new(&mut self.twin.clone(), recording), health, between })
+                Ok(Followed { replayed: self.along(recording), health, between })
             }
             // Held inputs need no rows between.
             Err(BagError::TooManyRows { .. }) => {
@@ -75,16 +74,29 @@ impl Way<'_> {
         }
     }
 
+    /// The twin along rows of which some were added: they are none of the recording's.
+    fn along(self, recording: Recording) -> Replayed {
+        let mut replayed = Replayed::new(&mut self.twin.clone(), recording);
+        replayed.rows = replayed.recording.frames.iter().filter(|frame| is_measured(frame)).count();
+        replayed
+    }
+
     fn load(self, bag: &Bag, interpolation: Interpolation) -> Result<(Recording, Health), BagError> {
         let Loaded { recording, health } = govtwin_bag::read(&bag.path, &options(self.args, interpolation, self.unit))?;
         Ok((Recording { name: bag.name.clone(), ..recording }, health))
     }
 }
 
+/// A trip that is set by less stands where it stood, ns.
+const WORTH_TELLING_NS: i64 = 5_000_000;
+
 /// How trips were set.
 fn trips(earlier_ns: &[i64]) -> String {
-    let Some(most_ns) = earlier_ns.iter().max() else { return String::new() };
-    let all =
-        if earlier_ns.len() == 1 { "its trip was".to_owned() } else { format!("{} trips were each", earlier_ns.len()) };
-    format!(", and {all} set up to {:.2} s before its row, as the unit moved", seconds_from_nanos(*most_ns))
+    let moved = earlier_ns.iter().filter(|ns| **ns >= WORTH_TELLING_NS);
+    let Some(most_ns) = moved.clone().max() else { return String::new() };
+    let all = match moved.count() {
+        1 => "a trip was set".to_owned(),
+        count => format!("{count} trips were set up to"),
+    };
+    format!(", and {all} {:.2} s before its row, as the unit moved", seconds_from_nanos(*most_ns))
 }
