@@ -245,7 +245,7 @@ def hostile_packets(binary, folder):
 
     math_nan = float("nan")
     try:
-        wait_for(lambda: len(bench.command.get_matched_subscriptions()) > 0, 10)
+        wait_for(bench.is_met, 15)
         bench.drive(2.0, 0.4)
         before = node.megabytes()
         prefix = bench.participant.guid.bytes[:12]

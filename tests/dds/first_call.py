@@ -9,7 +9,7 @@ import os
 import sys
 import time
 
-from bench import (BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription, DOMAIN, Policy, RELIABLE, check, wait_for, whole,
+from bench import (BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription, DOMAIN, Policy, RELIABLE, check, matched, wait_for, whole,
                    FAILED)
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
@@ -37,15 +37,8 @@ def first_call(number):
     reply = DataReader(participant, Topic(participant, f"rr/govtwin/{name}Reply", response), qos=RELIABLE)
     call = DataWriter(participant, Topic(participant, f"rq/govtwin/{name}Request", request), qos=RELIABLE)
 
-    def ready():
-        try:
-            return call.get_matched_subscriptions() and reply.get_matched_publications()
-        except IndexError:
-            # Another one was matched between the count and the list.
-            return False
-
     until = time.monotonic() + 10
-    while not ready() and time.monotonic() < until:
+    while not (matched(call) and matched(reply)) and time.monotonic() < until:
         time.sleep(0.0002)
     begin = time.monotonic()
     call.write(request(0x0102030405060708, number, *fields))

@@ -10,7 +10,7 @@ import os
 import sys
 import time
 
-from bench import BEST_EFFORT, DOMAIN, RELIABLE, check, now, wait_for, whole, FAILED
+from bench import BEST_EFFORT, DOMAIN, RELIABLE, check, matched, now, wait_for, whole, FAILED
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic
@@ -67,7 +67,7 @@ def main():
         check("nothing is wrong at first", flags == 0, f"({flags}, {words})")
         rival = DomainParticipant(DOMAIN)
         other = DataWriter(rival, Topic(rival, "rt/governor/command", ros.GovernorCommand), qos=RELIABLE)
-        wait_for(other.get_matched_subscriptions, 10)
+        wait_for(lambda: matched(other), 10)
 
         def two():
             other.write(ros.GovernorCommand(now(), 0.2))

@@ -128,7 +128,7 @@ def strike(binary, folder, kind):
     source = random.Random(f"hostile {kind}")
     count = states = 0
     try:
-        wait_for(lambda: len(bench.command.get_matched_subscriptions()) > 0, 15)
+        wait_for(bench.is_met, 15)
         bench.drive(3.0, 0.4)
         before = most = node.megabytes()
         prefix, begin, step = bench.participant.guid.bytes[:12], time.monotonic(), 0

@@ -17,7 +17,7 @@ import subprocess
 import sys
 import time
 
-from bench import BEST_EFFORT, DOMAIN, FAILED, RELIABLE, DataReader, DataWriter, DomainParticipant, Topic, check, wait_for, whole
+from bench import BEST_EFFORT, DOMAIN, FAILED, RELIABLE, DataReader, DataWriter, DomainParticipant, Topic, check, matched, wait_for, whole
 from record import LATCHED, Diagnostics
 import types_ros as ros
 
@@ -80,7 +80,7 @@ class Plant:
 
     def awaits(self):
         """Whether the watch hears, as one that is told of all four topics does."""
-        return wait_for(lambda: all(writer.get_matched_subscriptions() for writer in self.writers.values()), 20)
+        return wait_for(lambda: all(map(matched, self.writers.values())), 20)
 
     def send(self, messages, share=1.0):
         """Sends a share of a recording, and the rest that follows where it is the whole."""

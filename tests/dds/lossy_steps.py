@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-from bench import check, wait_for, whole, FAILED, stamp_ns
+from bench import check, matched, wait_for, whole, FAILED, stamp_ns
 from relay import Network
 import types_ros as ros
 
@@ -32,7 +32,7 @@ def drive():
     driver.matched()
     for name in ("step_simulation", "get_simulation_state"):
         call, reply = driver.calls[name]
-        wait_for(lambda: call.get_matched_subscriptions() and reply.get_matched_publications(), 20)
+        wait_for(lambda: matched(call) and matched(reply), 20)
     time.sleep(1.0)
     print("ready", flush=True)
     sys.stdin.readline()

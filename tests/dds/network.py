@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-from bench import BEST_EFFORT, DOMAIN, RELIABLE, Bench, check, now, stamp_ns, wait_for, whole, FAILED
+from bench import BEST_EFFORT, DOMAIN, RELIABLE, Bench, check, matched, now, stamp_ns, wait_for, whole, FAILED
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
@@ -252,7 +252,7 @@ def drive_units(nodes, count, loops_of):
              DataReader(participant, Topic(participant, f"rt/unit{n}/sim/servo_state", ros.ServoState), qos=PATIENT)) for n in range(count)]
     openings, states, last = [0.1 + 0.05 * n for n in range(count)], [0] * count, [None] * count
     try:
-        wait_for(lambda: all(writer.get_matched_subscriptions() for writer, _ in ends), 30)
+        wait_for(lambda: all(matched(writer) for writer, _ in ends), 30)
         begin, settled = time.monotonic(), False
         while time.monotonic() < begin + seconds + 3:
             loop = time.monotonic()

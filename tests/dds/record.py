@@ -18,7 +18,7 @@ import threading
 import time
 from dataclasses import dataclass
 
-from bench import DOMAIN, RELIABLE, DataReader, DataWriter, DomainParticipant, Policy, Qos, Topic, check, duration, now, wait_for, whole, BuiltinDataReader, BuiltinTopicDcpsPublication, FAILED
+from bench import DOMAIN, RELIABLE, DataReader, DataWriter, DomainParticipant, Policy, Qos, Topic, check, duration, matched, now, wait_for, whole, BuiltinDataReader, BuiltinTopicDcpsPublication, FAILED
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
 import types_ros as ros
@@ -331,7 +331,7 @@ def kills(binary, folder):
             bag = os.path.join(folder, "killed")
             process = record(binary, bag, log, "--topics", "/governor/command", "--lease", "1")
             until = time.monotonic() + 30
-            while time.monotonic() < until and not numbers.writer.get_matched_subscriptions():
+            while time.monotonic() < until and not matched(numbers.writer):
                 time.sleep(0.01)
             time.sleep(chance.uniform(1.5, 4.5))
             process.send_signal(signal.SIGKILL)
@@ -348,7 +348,7 @@ def kills(binary, folder):
             saved += messages
             if not told or run.returncode not in (0, 3) or warnings or lost_s > FLUSH_S + 0.5:
                 failed.append((number, told, run.returncode, warnings, round(lost_s, 2)))
-            while numbers.writer.get_matched_subscriptions():
+            while matched(numbers.writer):
                 # A killed peer is dropped by its lease; its successor is told apart by coming while none is matched.
                 time.sleep(0.1)
         check(f"{count} kills: everything up to the last flush is back, a second flush apart", not failed and holes <= saved // 1000,

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 
-from bench import Bench, Policy, Qos, check, duration, now, stamp_ns, wait_for, whole, BEST_EFFORT, DOMAIN, FAILED, RELIABLE
+from bench import Bench, Policy, Qos, check, duration, matched, now, stamp_ns, wait_for, whole, BEST_EFFORT, DOMAIN, FAILED, RELIABLE
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic
@@ -53,7 +53,7 @@ class Driver(Bench):
     def call(self, name, *fields, seconds=10.0):
         """One call, sent once: a step must not be done twice."""
         call, reply = self.calls[name]
-        wait_for(lambda: call.get_matched_subscriptions() and reply.get_matched_publications(), 10)
+        wait_for(lambda: matched(call) and matched(reply), 10)
         request = self.SERVICES[name][0](0x0102030405060708, next(self.numbers), *fields)
         call.write(request)
         until = time.monotonic() + seconds
@@ -72,7 +72,7 @@ class Driver(Bench):
     def matched(self):
         """Whether all writers of inputs are matched."""
         writers = (self.command, self.pressure, self.esv, self.joint_commands)
-        return wait_for(lambda: all(len(writer.get_matched_subscriptions()) > 0 for writer in writers), 15)
+        return wait_for(lambda: all(map(matched, writers)), 15)
 
     def states(self):
         return whole(self.state.take(10000))
@@ -232,7 +232,7 @@ def follow(binary, folder):
     clock = DataWriter(driver.participant, Topic(driver.participant, "rt/clock", ros.Clock), qos=RELIABLE)
     try:
         driver.matched()
-        wait_for(lambda: clock.get_matched_subscriptions(), 10)
+        wait_for(lambda: matched(clock), 10)
         time.sleep(5.0)
         check("a missing clock is told", "/clock: nothing heard for 3 s" in open(node.log_path).read())
         check("it cannot be paused from here", result(driver.call("set_simulation_state", PAUSED)) == INCORRECT_STATE)
@@ -295,7 +295,7 @@ def rivals(binary, folder):
         def source():
             participant = DomainParticipant(DOMAIN)
             writer = DataWriter(participant, Topic(participant, "rt/governor/command", ros.GovernorCommand), qos=RELIABLE)
-            wait_for(lambda: writer.get_matched_subscriptions(), 10)
+            wait_for(lambda: matched(writer), 10)
             return participant, writer
 
         first = source()

@@ -11,7 +11,7 @@ import re
 import sys
 import time
 
-from bench import BEST_EFFORT, DOMAIN, RELIABLE, check, wait_for, whole, FAILED
+from bench import BEST_EFFORT, DOMAIN, RELIABLE, check, matched, wait_for, whole, FAILED
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic
@@ -77,7 +77,7 @@ class Stranger(Driver):
     def tells_time(self):
         """Whether the twin follows a clock of its own making."""
         writer = DataWriter(self.participant, Topic(self.participant, "rt/clock", ros.Clock), qos=RELIABLE)
-        wait_for(writer.get_matched_subscriptions, 10)
+        wait_for(lambda: matched(writer), 10)
         seconds, until = 0, time.monotonic() + 2
         while time.monotonic() < until:
             for step in range(20):
