@@ -31,24 +31,38 @@ class Watcher(Driver):
         self.status = self.reader("rt/sim/status", ros.TwinStatus)
         self.diagnostics = self.reader("rt/diagnostics", ros.DiagnosticArray)
 
-    def run(self, seconds, header=now, opening=0.4, esv=True):
-        """Commands with these headers; returns flags of the last states, and the words of `/diagnostics` by part."""
-        begin, flags, words = time.monotonic(), 0, {}
+    def run(self, until, header=now, seconds=30):
+        """Commands with these headers until flags and words are so; returns whether they came to be so, flags of the last states, and words by part."""
+        begin, flags, words, is_so = time.monotonic(), None, {}, False
         self.status.take(1000), self.diagnostics.take(1000)
         step = 0
-        while time.monotonic() < begin + seconds:
-            self.command.write(ros.GovernorCommand(header(), opening))
+        while time.monotonic() < begin + seconds and not is_so:
+            self.command.write(ros.GovernorCommand(header(), 0.4))
             if step % 10 == 0:
                 self.pressure.write(ros.FluidPressure(now(), 6.3e6, 0.0))
-                if esv:
-                    self.esv.write(ros.EsvState(now(), 1))
+                self.esv.write(ros.EsvState(now(), 1))
             for status in whole(self.status.take(1000)):
                 flags = status.health
             for array in whole(self.diagnostics.take(100)):
                 words.update({status.name.split(": ")[-1]: (status.level, status.message) for status in array.status})
+            is_so = flags is not None and bool(words) and bool(until(flags, words))
             step += 1
             time.sleep(0.01)
-        return flags, words
+        return is_so, flags, words
+
+    def shows(self, what, condition, header=now):
+        """Checks that flags and words come to be so."""
+        is_so, flags, words = self.run(condition, header)
+        check(what, is_so, f"({flags}, { {part: said for part, said in words.items() if said[0] > 0} })")
+
+
+def fine(flags, words):
+    return flags == 0
+
+
+def shows(flag, part, level=2, says=""):
+    """What a flag and the level of a part of `/diagnostics` say, both at once."""
+    return lambda flags, words: flags & flag and words.get(part, (0,))[0] == level and says in words[part][1]
 
 
 def shifted(seconds):
@@ -63,8 +77,7 @@ def main():
     second = None
     try:
         peer.matched()
-        flags, words = peer.run(2.5)
-        check("nothing is wrong at first", flags == 0, f"({flags}, {words})")
+        peer.shows("nothing is wrong at first", fine)
         rival = DomainParticipant(DOMAIN)
         other = DataWriter(rival, Topic(rival, "rt/governor/command", ros.GovernorCommand), qos=RELIABLE)
         wait_for(lambda: matched(other), 10)
@@ -73,33 +86,26 @@ def main():
             other.write(ros.GovernorCommand(now(), 0.2))
             return now()
 
-        flags, words = peer.run(2.5, two)
-        check("two commanders show while they last", flags & COMPETING and words["governor/command"][0] == 2, f"({flags}, {words.get('governor/command')})")
+        peer.shows("two commanders show while they last", shows(COMPETING, "governor/command"), two)
         del other, rival
-        flags, _ = peer.run(3.5)
-        check("and no longer", flags & COMPETING == 0, f"({flags})")
-        flags, words = peer.run(2.5, lambda: shifted(-3600))
-        check("stamps of another clock show", flags & STAMP_FAR and words["governor/command"][0] == 1, f"({flags}, {words.get('governor/command')})")
+        peer.shows("and no longer", fine)
+        peer.shows("stamps of another clock show", shows(STAMP_FAR, "governor/command", 1), lambda: shifted(-3600))
         still = now()
-        flags, words = peer.run(3.5, lambda: still)
-        check("a stamp that stands still shows", flags & STAMP_STANDS and words["governor/command"][0] == 2, f"({flags}, {words.get('governor/command')})")
-        flags, _ = peer.run(1.5)
-        check("and no longer", flags == 0, f"({flags})")
+        peer.shows("a stamp that stands still shows", shows(STAMP_STANDS, "governor/command"), lambda: still)
+        peer.shows("and no longer", fine)
         second = Node(binary, os.path.join(folder, "health_2.txt"))
-        flags, words = peer.run(5.0)
-        check("a second node of the name shows", flags & NAME_TAKEN and words.get("name", (0,))[0] == 2, f"({flags}, {words.get('name')})")
+        peer.shows("a second node of the name shows", shows(NAME_TAKEN, "name"))
         check("the second node ends in order", second.end())
         second = None
-        peer.run(4.0)
-        time.sleep(3.0)
-        flags, words = peer.run(2.5)
-        check("a trip stays when the inputs are back", flags & LATCHED and "reset_trip" in words["integration"][1], f"({flags}, {words.get('integration')})")
+        peer.shows("which is alone again", fine)
+        node.says("fail-safe: inputs are missing")
+        latched = shows(LATCHED, "integration", says="reset_trip")
+        peer.run(lambda flags, words: False, seconds=2.5)
+        peer.shows("a trip stays when the inputs are back", latched)
         reply = peer.call("reset_trip", 0)
         check("an operator resets it", reply is not None and reply.success)
-        peer.states()
-        flags, _ = peer.run(6.0)
-        states = peer.states()
-        check("and the twin follows again", flags == 0 and states and abs(states[-1].servomotor_position - 0.4) < 2e-3, f"({flags})")
+        follows = lambda flags, words: flags == 0 and (states := peer.states()) and abs(states[-1].servomotor_position - 0.4) < 2e-3
+        peer.shows("and the twin follows again", follows)
         reply = peer.call("reset_trip", 0)
         check("there is nothing more to reset", reply is not None and not reply.success)
     finally:
@@ -110,11 +116,9 @@ def main():
     peer = Watcher()
     try:
         peer.matched()
-        peer.run(2.0)
-        flags, words = peer.run(4.5, lambda: shifted(-2))
-        check("old stamps are refused, and the fail-safe acts", flags & STAMP_OLD and words["integration"][0] == 2, f"({flags}, {words.get('governor/command')}, {words.get('integration')})")
-        flags, _ = peer.run(2.0)
-        check("fresh ones are taken again", flags == 0, f"({flags})")
+        peer.run(fine)
+        peer.shows("old stamps are refused, and the fail-safe acts", shows(STAMP_OLD, "integration"), lambda: shifted(-2))
+        peer.shows("fresh ones are taken again", fine)
     finally:
         check("the node ends in order", node.end())
     print(f"{len(FAILED)} failed")

@@ -168,13 +168,13 @@ def follows(binary, folder, plan):
     check("the node's own bag replays", run.returncode in (0, 3), run.stderr if run.returncode not in (0, 3) else "")
 
 
-def said_by(binary, folder, plan, seconds, act, *arguments):
-    """What a node says while a plant acts."""
+def said_by(binary, folder, plan, words, act, *arguments):
+    """What a node says while a plant acts, until it says these words."""
     path = os.path.join(folder, "said.txt")
     with open(path, "w") as log:
         node = subprocess.Popen([binary, "run", "--map", plan, *arguments], stdout=log, stderr=log)
         try:
-            act(seconds)
+            wait_for(lambda: (act(0.5), words in open(path).read())[1], 60)
         finally:
             end_process(node)
     with open(path) as file:
@@ -184,13 +184,13 @@ def said_by(binary, folder, plan, seconds, act, *arguments):
 def refusals(binary, folder, plan):
     """What cannot be used is said by name, with the way out, and the node goes on."""
     plant = Plant()
-    said, _ = said_by(binary, folder, plan, 8, lambda seconds: plant.drive(seconds, 30))
+    said, _ = said_by(binary, folder, plan, "--definitions", lambda seconds: plant.drive(seconds, 30))
     check("a type that nobody describes is told with the way out", "plant_msgs/msg/Oil" in said and "--definitions" in said, f"({said[-300:]!r})"
           if "plant_msgs/msg/Oil" not in said else "")
     wrong = os.path.join(folder, "wrong.yaml")
     with open(wrong, "w") as file:
         file.write("signals:\n  opening_command: {field: /plant/opening.value, unit: pu}\n")
-    said, _ = said_by(binary, folder, wrong, 3, lambda seconds: plant.drive(seconds, 30))
+    said, _ = said_by(binary, folder, wrong, "`value`", lambda seconds: plant.drive(seconds, 30))
     check("a field that is not there is told with those that are", "`value`" in said and "data" in said, "" if "`value`" in said else f"({said[-300:]!r})")
 
     def no_number(seconds):
@@ -199,7 +199,7 @@ def refusals(binary, folder, plan):
             plant.opening.write(Float64(float("nan")))
             time.sleep(0.02)
 
-    said, code = said_by(binary, folder, plan, 3, no_number, "--definitions", folder)
+    said, code = said_by(binary, folder, plan, "finite", no_number, "--definitions", folder)
     check("a command that is no number is told with its field", "/plant/opening.data" in said and "finite" in said,
           "" if "finite" in said else f"({said[-300:]!r})")
     check("the node lives on and ends when asked", code == 0, f"({code})")
@@ -213,7 +213,7 @@ def refusals(binary, folder, plan):
             text.write(Text("thirty"))
             time.sleep(0.02)
 
-    said, code = said_by(binary, folder, plan, 4, words, "--definitions", folder)
+    said, code = said_by(binary, folder, plan, "a sample was refused", words, "--definitions", folder)
     check("a field that is a text is told", code == 0 and "opening" in said and ("text" in said or "number" in said),
           "" if "text" in said else f"({said[-400:]!r})")
 
@@ -230,7 +230,7 @@ def watched(binary, folder, plan):
         try:
             check("the watch subscribes to the plant's own types", plant.awaited_by((1, 1, 1)))
             plant.replay(recording)
-            check("the process is in the history", wait_for(lambda: len(lines(out)) == 1, 60), f"({len(lines(out))} lines)")
+            check("the process is in the history", wait_for(lambda: len(lines(out)) == 1, 240), f"({len(lines(out))} lines)")
             entry = (lines(out) or [{"process": "", "sizes": []}])[0]
             sizes = {(one["effect"], one["parameter"]): one["ci90"] for one in entry["sizes"]}
             low, high = sizes.get(("port_overlap", "extra_overlap_m"), (1.0, 0.0))

@@ -12,8 +12,7 @@ import subprocess
 import sys
 import time
 
-from bench import BEST_EFFORT, DOMAIN, RELIABLE, Bench, check, matched, now, stamp_ns, wait_for, whole, FAILED
-from cyclonedds.core import Policy, Qos
+from bench import COUNTED, DOMAIN, RELIABLE, Bench, Machine, check, matched, now, stamp_ns, wait_for, whole, FAILED
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -21,9 +20,6 @@ from cyclonedds.topic import Topic
 import types_ros as ros
 from faults import Node, Watch
 from relay import Network
-
-# A busy machine reads late: what arrives meanwhile is kept, ten seconds of it.
-PATIENT = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1000))
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 # Name, what the network does, how long; the state's rate that is wanted then, Hz, of 100.
@@ -36,6 +32,15 @@ CONDITIONS = [
     ("10 % lost, 20 ms delay, reordered by 20 ms", {"loss": 0.1, "delay_s": 0.02, "jitter_s": 0.02}, 10, 30),
 ]
 OUTAGES_S = [float(seconds) for seconds in os.environ.get("OUTAGES", "1 15").split()]
+
+
+# An input may be silent for so long: stale after 1.5 s, held for 0.5 s.
+LIMIT_S = 2.0
+
+
+def trips(node):
+    """How often the fail-safe acted."""
+    return node.said().count("fail-safe: inputs are missing")
 
 
 class Remote(Node):
@@ -86,26 +91,30 @@ def link(binary, folder):
                   f"({rate_hz:.0f} a second; {min(positions, default=0):.4f} to {max(positions, default=0):.4f} pu)")
         network.set()
         opening = 0.3
+        # Bad conditions before this may have parted the peers for longer than the limits.
+        across(watch, 2.0)
         for seconds in OUTAGES_S:
             watch.lines()
+            before = trips(node)
             network.set(is_up=False)
             time.sleep(seconds)
             network.set()
             # After a silence of 2 s the watch commands the other opening; about there it may be either.
             openings = {opening, 0.8 - opening} if 1.5 < seconds < 2.5 else {0.8 - opening if seconds > 2.0 else opening}
             reached = []
-            back = watch.until(lambda n, x: reached.extend(y for y in openings if abs(x - y) < 2e-3) or reached, 40)
+            watch.lines()
+            back = watch.until(lambda n, x: n > 10 and reached.extend(y for y in openings if abs(x - y) < 2e-3) or reached, 40)
             opening = reached[0] if reached else opening
             check(f"a link that was down for {seconds:.0f} s works again", back is not None,
                   f"({back:.1f} s after it came back)" if back is not None else "(not within 40 s)")
+            # What counts is how long nothing came across.
+            silent_s, tripped = seconds + (back or 0.0), trips(node) > before
+            check("an outage beyond the limits fails safe, a short one does not", tripped if seconds > LIMIT_S else not tripped or silent_s > LIMIT_S,
+                  f"({silent_s:.1f} s, {trips(node) - before} times)")
     finally:
         watch.end()
         check("the node ends in order", node.end())
         network.close()
-    said = open(node.log_path).read()
-    trips = said.count("fail-safe: inputs are missing")
-    least, most = sum(seconds > 2.5 for seconds in OUTAGES_S), sum(seconds > 1.5 for seconds in OUTAGES_S)
-    check("an outage beyond the limits fails safe, a short one does not", least <= trips <= most, f"({trips} times)")
     with open(figures) as text:
         lost = json.load(text)["inputs"]["governor/command"]["lost"]
     check("what was lost is counted", lost > 100, f"({lost} commands; the relay lost {network.lost} of {network.lost + network.passed} packets)")
@@ -128,7 +137,7 @@ def unicast(binary, folder):
         node = Remote(network.sides[0], binary, os.path.join(folder, f"unicast_{len(peers)}.txt"), "--lease", "3")
         watch = Watch(network.sides[1].command(sys.executable, os.path.join(HERE, "watch.py")))
         try:
-            met = watch.until(lambda n, x: n > 0 and abs(x - 0.3) < 2e-3, 15 if peers else 8)
+            met = watch.until(lambda n, x: n > 0 and abs(x - 0.3) < 2e-3, 40 if peers else 8)
             if peers:
                 check("a node that names its peer is found without multicast", met is not None, f"({met or 0:.1f} s)")
             else:
@@ -155,19 +164,22 @@ def churn(binary, folder):
     try:
         bench.drive(3.0, 0.4)
         before, threads = node.megabytes(), resources(node)
-        begin, rounds, states, positions = time.monotonic(), 0, 0, []
+        begin, rounds, states, driven_s, positions = time.monotonic(), 0, 0, 0.0, []
         while time.monotonic() < begin + seconds:
             visitor = DomainParticipant(DOMAIN)
             readers = [DataReader(visitor, Topic(visitor, f"rt/sim/{name}", kind))
                        for name, kind in (("servo_state", ros.ServoState), ("joint_states", ros.JointState))]
             writer = DataWriter(visitor, Topic(visitor, "rt/plant/nothing", ros.EsvState))
+            # What came while the visitor was made is not counted: that takes as long as the machine lets it.
+            bench.state.take(1000)
+            start = time.monotonic()
             got, _ = bench.drive(0.9, 0.4)
+            driven_s += time.monotonic() - start
             states += len(got)
             positions += [sample.servomotor_position for sample in got]
             rounds += 1
             del readers, writer, visitor
-        took = time.monotonic() - begin
-        check("commands and states flow", states > 80 * took * 0.9, f"({states} states in {took:.0f} s, {rounds} visitors)")
+        check("commands and states flow", states > 80 * driven_s, f"({states} states in {driven_s:.0f} s, {rounds} visitors)")
         check("and nothing moves wrongly", max(abs(x - 0.4) for x in positions) < 2e-3)
         time.sleep(2.0)
         after, now = node.megabytes(), resources(node)
@@ -249,22 +261,23 @@ def drive_units(nodes, count, loops_of):
     seconds = float(os.environ.get("UNITS_S", "20"))
     participant = DomainParticipant(DOMAIN)
     ends = [(DataWriter(participant, Topic(participant, f"rt/unit{n}/governor/command", ros.GovernorCommand), qos=RELIABLE),
-             DataReader(participant, Topic(participant, f"rt/unit{n}/sim/servo_state", ros.ServoState), qos=PATIENT)) for n in range(count)]
+             DataReader(participant, Topic(participant, f"rt/unit{n}/sim/servo_state", ros.ServoState), qos=COUNTED)) for n in range(count)]
     openings, states, last = [0.1 + 0.05 * n for n in range(count)], [0] * count, [None] * count
     try:
         wait_for(lambda: all(matched(writer) for writer, _ in ends), 30)
-        begin, settled = time.monotonic(), False
-        while time.monotonic() < begin + seconds + 3:
-            loop = time.monotonic()
-            for n, (writer, reader) in enumerate(ends):
-                writer.write(ros.GovernorCommand(now(), openings[n]))
-                got = whole(reader.take(1000))
-                states[n] += len(got)
-                last[n] = got[-1] if got else last[n]
-            if not settled and loop > begin + 3:
-                states, settled, start = [0] * count, True, loop
-            time.sleep(max(0.0, loop + 0.05 - time.monotonic()))
-        took = time.monotonic() - start
+        with Machine() as machine:
+            begin, settled = time.monotonic(), False
+            while time.monotonic() < begin + seconds + 3:
+                loop = time.monotonic()
+                for n, (writer, reader) in enumerate(ends):
+                    writer.write(ros.GovernorCommand(now(), openings[n]))
+                    got = whole(reader.take(1000))
+                    states[n] += len(got)
+                    last[n] = got[-1] if got else last[n]
+                if not settled and loop > begin + 3:
+                    states, settled, start = [0] * count, True, loop
+                time.sleep(max(0.0, loop + 0.05 - time.monotonic()))
+        took = time.monotonic() - start - machine.lost_s
         worst = max(abs(state.servomotor_position - opening) if state else 1.0 for state, opening in zip(last, openings))
         check("each unit follows its own command", worst < 2e-3, f"({worst:.4f} pu at most)")
         check("and keeps its rate", min(states) > 95 * took, f"({min(states) / took:.0f} to {max(states) / took:.0f} a second)")
@@ -274,7 +287,8 @@ def drive_units(nodes, count, loops_of):
     loops = loops_of()
     late, overruns = [loop["lateness"]["p99_9_us"] for loop in loops], [loop["overruns"] for loop in loops]
     skipped, ticks = sum(loop["skipped"] for loop in loops), sum(loop["ticks"] for loop in loops)
-    check("hardly a tick is skipped", skipped <= ticks // 1000, f"({skipped} of {ticks})")
+    # A loop that is 100 ms behind skips ticks: where the machine kept a bare loop waiting, each unit may have skipped as many.
+    check("hardly a tick is skipped", skipped <= ticks // 1000 + count * 1000 * machine.lost_s, f"({skipped} of {ticks}; a bare loop lost {machine.lost_s:.1f} s)")
     print(f"     wake-up lateness at 99.9 % {min(late):.0f} to {max(late):.0f} us, overruns {sum(overruns)} of {ticks}, {memory:.0f} MB together, "
           f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
 

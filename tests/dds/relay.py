@@ -25,7 +25,7 @@ class Side:
     """One namespace with its end of the link."""
 
     def __init__(self, name, address):
-        self.name, self.address, self.device = name, address, f"{name}_l"
+        self.name, self.address, self.device = name, address, name
         self.tun = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
         fcntl.ioctl(self.tun, TUNSETIFF, struct.pack("16sH22x", self.device.encode(), IFF_TUN | IFF_NO_PI))
         ip("netns", "add", name)
@@ -64,7 +64,8 @@ class Network:
         self.loss, self.delay_s, self.jitter_s, self.is_up = 0.0, 0.0, 0.0, True
         self.passed = self.lost = 0
         self.tcp_only = self.unicast_only = False
-        self.sides = [Side(f"{prefix}{index}", f"10.99.7.{index + 1}") for index in range(2)]
+        # Names of this process alone: two checkouts may be tested on one machine.
+        self.sides = [Side(f"{prefix}{os.getpid()}_{index}", f"10.99.7.{index + 1}") for index in range(2)]
         self.random = random.Random(seed)
         self.ended = threading.Event()
         self.thread = threading.Thread(target=self.relay, daemon=True)
