@@ -78,6 +78,9 @@ pub(crate) struct RtpsReaderProxy {
   // Count of the last ACKNACK / NACK_FRAG accepted from this reader. A reader
   // sends one ACKNACK to each of our locators; the copies carry the same count.
   pub last_acknack_count: Option<i32>,
+  // The last sample before the match with a VOLATILE reader, until the reader has
+  // acknowledged one behind it or answered a HEARTBEAT.
+  begins_after: Option<SequenceNumber>,
   // Heartbeat ticks since the last AckNack while something was unacknowledged.
   heartbeat_ticks_unanswered: u32,
   pub last_nackfrag_count: Option<i32>,
@@ -116,6 +119,7 @@ impl RtpsReaderProxy {
       repair_data_scheduled: false,
       repair_frags_scheduled: false,
       last_acknack_count: None,
+      begins_after: None,
       heartbeat_ticks_unanswered: 0,
       last_nackfrag_count: None,
       qos,
@@ -188,6 +192,26 @@ impl RtpsReaderProxy {
   // Whether the reader has not acknowledged everything up to `last_change`.
   pub fn is_behind(&self, last_change: SequenceNumber) -> bool {
     self.qos.is_reliable() && last_change >= self.all_acked_before
+  }
+
+  // The samples for this reader begin behind this one. Cyclone DDS takes all that the
+  // first HEARTBEAT it sees announces for history, and drops DATA that comes while it
+  // still sets up the match: that DATA would be lost without a request for it.
+  pub fn begin_after(&mut self, last_before_match: SequenceNumber) {
+    self.begins_after = Some(last_before_match);
+  }
+
+  // The last sample to announce to this reader of those up to `last`.
+  pub fn last_announced(&self, last: SequenceNumber) -> SequenceNumber {
+    self.begins_after.map_or(last, |before| before.min(last))
+  }
+
+  // An ACKNACK came. The first one may be preemptive: it shows that the reader has
+  // matched us, not that it has seen a HEARTBEAT.
+  pub fn note_acknack(&mut self, base: SequenceNumber, is_first: bool) {
+    self
+      .begins_after
+      .take_if(|before| !is_first || base > before.plus_1());
   }
 
   // Counts a tick of the periodic heartbeat while the reader is behind. Returns
@@ -266,6 +290,7 @@ impl RtpsReaderProxy {
       repair_data_scheduled: false,
       repair_frags_scheduled: false,
       last_acknack_count: None,
+      begins_after: None,
       heartbeat_ticks_unanswered: 0,
       last_nackfrag_count: None,
       qos: reader.qos_policy.clone(),
@@ -345,6 +370,7 @@ impl RtpsReaderProxy {
       repair_data_scheduled: false,
       repair_frags_scheduled: false,
       last_acknack_count: None,
+      begins_after: None,
       heartbeat_ticks_unanswered: 0,
       last_nackfrag_count: None,
       qos: discovered_reader_data.subscription_topic_data.qos(),

@@ -790,6 +790,17 @@ impl Writer {
     (min(first, last.plus_1()), last)
   }
 
+  // The same to one reader.
+  fn announced_to(
+    &self,
+    reader: Option<&RtpsReaderProxy>,
+    sending: SequenceNumber,
+  ) -> (SequenceNumber, SequenceNumber) {
+    let (first, last) = self.announced_range(sending);
+    let last = reader.map_or(last, |reader| reader.last_announced(last));
+    (min(first, last.plus_1()), last)
+  }
+
   pub fn process_pending(&mut self) {
     // The doorbell enqueues this writer's id and then wakes. A sample admitted
     // while we are here pushes another id, so the next wake runs us again. The
@@ -1145,11 +1156,38 @@ impl Writer {
         }
       } else {
         // Normal case
-        self.send_control_to_readers(
-          DeliveryMode::Multicast,
-          hb_message,
-          &mut due.iter().filter_map(|guid| self.readers.get(guid)),
-        );
+        let mut known = due
+          .iter()
+          .filter_map(|guid| self.readers.get(guid))
+          .filter(|rp| rp.last_announced(last_change) == last_change)
+          .peekable();
+        if known.peek().is_some() {
+          self.send_control_to_readers(DeliveryMode::Multicast, hb_message, &mut known);
+        }
+      }
+      // Those that have not answered yet are told only where their samples begin.
+      for rp in due.iter().filter_map(|guid| self.readers.get(guid)) {
+        let (first, last) = self.announced_to(Some(rp), SequenceNumber::zero());
+        if last < last_change {
+          let hb_message = MessageBuilder::new()
+            .dst_submessage(self.endianness, rp.remote_reader_guid.prefix)
+            .heartbeat_msg(
+              self.entity_id(),
+              first,
+              last,
+              self.next_heartbeat_count(),
+              self.endianness,
+              rp.remote_reader_guid.entity_id,
+              final_flag,
+              liveliness_flag,
+            )
+            .add_header_and_build(self.my_guid.prefix);
+          self.send_control_to_readers(
+            DeliveryMode::Unicast,
+            hb_message,
+            &mut std::iter::once(rp),
+          );
+        }
       }
     }
     any_behind
@@ -1206,7 +1244,7 @@ impl Writer {
         let my_topic = self.my_topic_name.clone(); // for debugging
         let keeps_history = !self.qos().is_volatile();
 
-        let (first_announced, last_announced) = self.announced_range(SequenceNumber::zero());
+        let (_, last_announced) = self.announced_range(SequenceNumber::zero());
         let mut start_repair = false;
         let mut is_first_acknack = false;
 
@@ -1223,6 +1261,7 @@ impl Writer {
           is_first_acknack = reader_proxy.last_acknack_count.is_none();
           reader_proxy.last_acknack_count = Some(an.count);
           reader_proxy.heartbeat_answered();
+          reader_proxy.note_acknack(an.reader_sn_state.base(), is_first_acknack);
 
           // Mark requested SNs as "unsent changes"
 
@@ -1313,12 +1352,13 @@ impl Writer {
               || reader_proxy.all_acked_before <= last_announced
               || an.reader_sn_state.base() < reader_proxy.all_acked_before)
           {
+            let (first, last) = self.announced_to(Some(reader_proxy), SequenceNumber::zero());
             let hb_message = MessageBuilder::new()
               .ts_msg(self.endianness, Some(Timestamp::now()))
               .heartbeat_msg(
                 self.entity_id(),
-                first_announced,
-                last_announced,
+                first,
+                last,
                 self.next_heartbeat_count(),
                 self.endianness,
                 reader_guid.entity_id,
@@ -2153,6 +2193,7 @@ impl Writer {
             self.send_buffer.first_change_sequence_number(),
             self.send_buffer.last_change_sequence_number(),
           );
+          new_proxy.begin_after(self.send_buffer.last_change_sequence_number());
         }
         new_proxy.resolve_send_route(
           &self.interface_observations.borrow(),
@@ -2559,7 +2600,7 @@ impl<'a> Iterator for FragmentationIter<'a> {
               let final_flag = false; // false = request that readers acknowledge with ACKNACK.
               let liveliness_flag = false; // This is not a manual liveliness assertion (DDS API call), but side-effect of
                                            // writing new data.
-              let (first, last) = writer.announced_range(cc.sequence_number);
+              let (first, last) = writer.announced_to(target_reader_opt, cc.sequence_number);
               let hb_msg = MessageBuilder::new()
                 .heartbeat_msg(
                   writer.entity_id(), // from Writer
@@ -2619,7 +2660,7 @@ impl<'a> Iterator for FragmentationIter<'a> {
           let final_flag = false; // false = request that readers acknowledge with ACKNACK.
           let liveliness_flag = false; // This is not a manual liveliness assertion (DDS API call), but side-effect of
                                        // writing new data.
-          let (first, last) = writer.announced_range(cc.sequence_number);
+          let (first, last) = writer.announced_to(target_reader_opt, cc.sequence_number);
           message_builder = message_builder.heartbeat_msg(
             writer.entity_id(),
             first,
@@ -2802,6 +2843,7 @@ mod tests {
       },
       polling::new_shared_timer,
       rtps::writer_send_buffer::Admission,
+      dds::with_key::WriteOptionsBuilder,
       structure::{guid::EntityKind, sequence_number::SequenceNumberSet},
       RepresentationIdentifier,
     };
@@ -2917,6 +2959,43 @@ mod tests {
           payload_len,
           reader_locator,
         )
+      }
+
+      // The same without durability: what is there before the match is not for it.
+      fn volatile(sample_count: i64, payload_len: usize) -> Self {
+        let qos = QosPolicyBuilder::new()
+          .reliability(Reliability::Reliable {
+            max_blocking_time: Duration::from_millis(100),
+          })
+          .durability(Durability::Volatile)
+          .build();
+        Self::new(
+          EntityId::new([0, 0, 1], EntityKind::WRITER_NO_KEY_USER_DEFINED),
+          qos.clone(),
+          EntityId::new([0, 0, 2], EntityKind::READER_NO_KEY_USER_DEFINED),
+          &qos,
+          sample_count,
+          payload_len,
+          None,
+        )
+      }
+
+      // One more sample, for our reader alone.
+      fn write_to_reader(&mut self, payload_len: usize) {
+        let data = DDSData::new(SerializedPayload::new(
+          RepresentationIdentifier::CDR_LE,
+          vec![0; payload_len],
+        ));
+        let options = WriteOptionsBuilder::new()
+          .to_single_reader(self.reader_guid)
+          .build();
+        assert!(matches!(
+          self
+            .writer
+            .send_buffer
+            .admit_blocking(options, data, Some(StdDuration::ZERO)),
+          Admission::Admitted(_)
+        ));
       }
 
       fn reader_proxy(&self) -> &RtpsReaderProxy {
@@ -3152,6 +3231,26 @@ mod tests {
       let tap = wire_tap(&mut f.writer);
       f.ack_nack([], 0);
       assert_eq!(tapped(&tap), [(vec![], Some((1, 0)))]);
+    }
+
+    // Cyclone DDS drops DATA that comes while it still sets up a match, and takes what
+    // its first HEARTBEAT announces for history: a VOLATILE reader that has not
+    // answered yet must not be announced the samples that are for it.
+    #[test]
+    fn a_volatile_reader_is_announced_its_first_sample_once_it_has_answered() {
+      let mut f = Fixture::volatile(3, 8);
+      let tap = wire_tap(&mut f.writer);
+      f.write_to_reader(8);
+      f.writer.process_pending();
+      assert_eq!(tapped(&tap).last(), Some(&(vec![4], Some((1, 3)))));
+      // A heartbeat tick before it has answered, and a preemptive ACKNACK.
+      f.writer.handle_heartbeat_tick(false);
+      assert_eq!(tapped(&tap), [(vec![], Some((1, 3)))]);
+      f.ack_nack([], 0);
+      assert_eq!(tapped(&tap).last(), Some(&(vec![], Some((1, 3)))));
+      // Its answer to that: everything is announced from now on.
+      f.ack_nack([], 1);
+      assert_eq!(tapped(&tap).last(), Some(&(vec![], Some((1, 4)))));
     }
 
     // While the reader's send socket has queued control datagrams, a round
