@@ -245,12 +245,14 @@ fn a_clock_that_waits_for_what_is_played_before_it_brings_no_command_late_on_a_b
 }
 
 #[test]
-fn a_clock_is_followed_whether_it_is_published_reliably_or_best_effort_and_so_is_the_shipped_residual() {
+fn clock_and_inputs_are_followed_whether_they_are_published_reliably_or_best_effort_and_so_is_the_shipped_residual() {
     for reliability in ["reliable", "best_effort"] {
         let environment = environment();
         let options =
             RunOptions { residual: NodeResidual::Shipped, ..options(&environment, &["-p", "use_sim_time:=true"]) };
-        let words = ["-p".to_owned(), format!("qos_overrides./clock.publisher.reliability:={reliability}")];
+        let topics = ["clock", "governor/command", "governor/esv", "governor/tank_pressure"];
+        let of_topic = |topic| format!("qos_overrides./{topic}.publisher.reliability:={reliability}");
+        let words: Vec<String> = topics.iter().flat_map(|topic| ["-p".to_owned(), of_topic(topic)]).collect();
         let mut peer = Bus::open(&environment, Arguments::parse(&words, "simulator").unwrap()).unwrap();
         let clock = peer.publish("/clock", Clock::TYPE_NAME).unwrap();
         let command = peer.publish("/governor/command", GovernorCommand::TYPE_NAME).unwrap();
@@ -262,11 +264,11 @@ fn a_clock_is_followed_whether_it_is_published_reliably_or_best_effort_and_so_is
         let said = std::thread::scope(|scope| {
             let node = scope.spawn(|| {
                 let mut said = Vec::new();
-                live::run(&options, &stop, &mut |_, words| said.push(words.to_owned())).unwrap();
-                said
+                let ended = live::run(&options, &stop, &mut |_, words| said.push(words.to_owned())).unwrap();
+                (said, ended.counts[NodeInput::Command as usize])
             });
             wait_for("the node follows the clock", || peer.readers_of("/clock") > 0);
-            let (mut time_ns, mut newest) = (1_000_000_000_000, [0, 0]);
+            let (mut time_ns, mut newest, mut sent) = (1_000_000_000_000, [0, 0], 0);
             wait_for(reliability, || {
                 let header = Header::at(time_ns);
                 command.publish(GovernorCommand { header: header.clone(), opening: 0.4 }).unwrap();
@@ -275,7 +277,7 @@ fn a_clock_is_followed_whether_it_is_published_reliably_or_best_effort_and_so_is
                     .publish(FluidPressure { header: header.clone(), fluid_pressure: 6.3e6, variance: 0.0 })
                     .unwrap();
                 clock.publish(Clock { clock: header.stamp }).unwrap();
-                time_ns += 10_000_000;
+                (time_ns, sent) = (time_ns + 10_000_000, sent + 1);
                 for (heard, newest) in [&states, &corrected].into_iter().zip(&mut newest) {
                     while let Ok(Some((state, _))) = heard.take() {
                         *newest = state.header.stamp.nanos().unwrap();
@@ -284,8 +286,11 @@ fn a_clock_is_followed_whether_it_is_published_reliably_or_best_effort_and_so_is
                 newest.iter().all(|newest_ns| *newest_ns > 1_001_000_000_000)
             });
             stop.store(true, Ordering::Relaxed);
-            node.join().unwrap()
+            let (said, counts) = node.join().unwrap();
+            assert!(counts.used <= sent, "each sample counts once: {} of {sent}", counts.used);
+            said
         });
+        assert!(!said.iter().any(|words| words.contains("offers less")), "{said:?}");
         let told = said.iter().filter(|words| words.contains("reference_unit.residual (shipped)")).count();
         assert_eq!(told, 1, "{said:?}");
     }

@@ -155,6 +155,15 @@ impl Bus {
         self.node.create_subscription(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
     }
 
+    /// Whether a `qos_overrides` parameter names the reliability with which the node reads a topic.
+    ///
+    /// # Errors
+    /// On a name that is none.
+    pub(super) fn has_reliability(&self, topic: &str) -> Result<bool, BusError> {
+        let name = format!("{}{}.subscription.reliability", qos::PREFIX, self.arguments.resolve(topic)?);
+        Ok(self.arguments.parameters.iter().any(|(given, _)| *given == name))
+    }
+
     /// The full name of a topic that is opened later, when it has a publisher.
     ///
     /// # Errors

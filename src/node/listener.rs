@@ -1,6 +1,7 @@
 //! The thread that hears: samples are checked and become events, parameter calls are answered.
 
 pub mod event;
+mod input;
 mod mapped;
 mod order;
 mod samples;
@@ -18,8 +19,10 @@ use ros2_client::log::LogLevel;
 use ros2_client::parameters::raw;
 use ros2_client::{Gid, Publisher, Subscription};
 use rtrb::{Consumer, Producer};
+use serde::de::DeserializeOwned;
 
 use self::event::{NodeEvent, Teller};
+use self::input::Input;
 use super::bus::{Bus, BusError};
 use super::bus_map::InputNames;
 use super::bus_map::subscriber::OpenedTopic;
@@ -49,7 +52,7 @@ pub const MEASURED: &str = "plant/servo_state";
 /// Everything that the node hears through.
 pub struct Subscriptions {
     native: Option<NativeInputs>,
-    joint_commands: Subscription<JointState>,
+    joint_commands: Input<JointState>,
     measured: Option<Subscription<ServoState>>,
     clock: Option<Subscription<Clock>>,
     services: (ParameterServices, UpkeepServices, SimulationServices),
@@ -61,9 +64,9 @@ pub struct Subscriptions {
 
 /// The inputs in messages of our own types.
 struct NativeInputs {
-    command: Subscription<GovernorCommand>,
-    esv: Subscription<EsvState>,
-    tank_pressure: Subscription<FluidPressure>,
+    command: Input<GovernorCommand>,
+    esv: Input<EsvState>,
+    tank_pressure: Input<FluidPressure>,
 }
 
 impl Subscriptions {
@@ -81,13 +84,10 @@ impl Subscriptions {
         let services =
             (ParameterServices::open(bus)?, UpkeepServices::open(bus)?, SimulationServices::open(bus, time)?);
         // What a step waits for must be sent again where it is lost, and so must what belongs to a time of the clock.
-        let input = |input: NodeInput| {
-            let awaits = settings.use_sim_time || settings.step_inputs[input as usize];
-            (input.topic(), if awaits { qos::awaited() } else { qos::best_effort() })
-        };
-        let (command, esv, tank_pressure) =
-            (input(NodeInput::Command), input(NodeInput::Esv), input(NodeInput::TankPressure));
-        let load = input(NodeInput::Load);
+        let is_awaited = |input: NodeInput| settings.use_sim_time || settings.step_inputs[input as usize];
+        let [command, esv, tank_pressure, load] =
+            [NodeInput::Command, NodeInput::Esv, NodeInput::TankPressure, NodeInput::Load]
+                .map(|input| (input.topic(), is_awaited(input)));
         Ok(Self {
             services,
             action: StepsAction::open(bus, time)?,
@@ -95,12 +95,12 @@ impl Subscriptions {
                 None
             } else {
                 Some(NativeInputs {
-                    command: bus.subscribe_with(command.0, command.1)?,
-                    esv: bus.subscribe_with(esv.0, esv.1)?,
-                    tank_pressure: bus.subscribe_with(tank_pressure.0, tank_pressure.1)?,
+                    command: Input::open(bus, command.0, command.1)?,
+                    esv: Input::open(bus, esv.0, esv.1)?,
+                    tank_pressure: Input::open(bus, tank_pressure.0, tank_pressure.1)?,
                 })
             },
-            joint_commands: bus.subscribe_with(load.0, load.1)?,
+            joint_commands: Input::open(bus, load.0, load.1)?,
             measured: if adapts && !is_mapped { Some(bus.subscribe(MEASURED)?) } else { None },
             clock: if settings.use_sim_time { Some(bus.subscribe_with("/clock", qos::followed())?) } else { None },
             parameter_events: bus.parameter_events()?,
@@ -162,6 +162,8 @@ pub struct Listener<'a> {
     gates: RefCell<[TopicGate; NodeInput::COUNT]>,
     competing: RefCell<[CompetingPublishers<Gid>; NodeInput::COUNT]>,
     senders: RefCell<BTreeMap<Gid, bool>>,
+    /// Whether a publisher of inputs is reliable.
+    reliable: RefCell<BTreeMap<Gid, bool>>,
     numbers: RefCell<Numbering<Gid>>,
     full: Cell<bool>,
 }
@@ -203,6 +205,7 @@ impl<'a> Listener<'a> {
             gates: RefCell::default(),
             competing: RefCell::default(),
             senders: RefCell::default(),
+            reliable: RefCell::default(),
             numbers: RefCell::default(),
             full: Cell::new(false),
         }
@@ -231,7 +234,7 @@ impl<'a> Listener<'a> {
         if let Some(clock) = &subscriptions.clock {
             streams.push(self.in_order(native, joint_commands, clock));
         } else {
-            streams.push(joint_commands.async_stream().map(|sample| self.asked(sample)).boxed_local());
+            streams.push(joint_commands.stream(self).map(|sample| self.asked(sample)).boxed_local());
             let inputs =
                 |of: &'p NativeInputs| [self.input(&of.command), self.input(&of.esv), self.input(&of.tank_pressure)];
             streams.extend(native.into_iter().flat_map(inputs));
@@ -254,8 +257,8 @@ impl<'a> Listener<'a> {
     }
 
     /// The stream of one input.
-    fn input<'s, M: Interface + Intake + 'static>(&'s self, subscription: &'s Subscription<M>) -> Arrivals<'s> {
-        subscription.async_stream().map(|sample| self.sample(sample)).boxed_local()
+    fn input<'s, M: Interface + Intake + DeserializeOwned + 'static>(&'s self, input: &'s Input<M>) -> Arrivals<'s> {
+        input.stream(self).map(|sample| self.sample(sample)).boxed_local()
     }
 
     fn tell(&self, heard: InputEvent) {

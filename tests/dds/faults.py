@@ -34,7 +34,11 @@ class Node:
         self.log = open(log, "w")
         hold = () if "--hold" in more else ("--hold", "0.5")
         arguments = [binary, "run", "--stale-after", "1.5", *hold, *([] if "--latch" in more else ["--auto-reset"]), *(one for one in more if one != "--latch")]
-        self.process = subprocess.Popen(arguments, stderr=self.log, stdout=self.log)
+        self.process = subprocess.Popen(self.command(arguments), stderr=self.log, stdout=self.log)
+
+    def command(self, arguments):
+        """How it is started."""
+        return arguments
 
     def said(self):
         """Its log up to now."""

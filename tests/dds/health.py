@@ -10,7 +10,7 @@ import os
 import sys
 import time
 
-from bench import BEST_EFFORT, DOMAIN, RELIABLE, check, matched, now, wait_for, whole, FAILED
+from bench import DOMAIN, RELIABLE, check, matched, now, wait_for, whole, FAILED
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic

@@ -8,7 +8,6 @@ should be, 1 otherwise, 77 where nothing could be tried.
 
 import json
 import os
-import subprocess
 import sys
 import time
 
@@ -48,10 +47,10 @@ class Remote(Node):
 
     def __init__(self, side, binary, log, *more):
         self.side = side
-        self.log = open(log, "w")
-        arguments = [binary, "run", "--stale-after", "1.5", "--hold", "0.5", "--auto-reset", *more]
-        self.process = subprocess.Popen(side.command(*arguments), stderr=self.log, stdout=self.log)
-        self.log_path = log
+        super().__init__(binary, log, *more)
+
+    def command(self, arguments):
+        return self.side.command(*arguments)
 
 
 def across(watch, seconds):

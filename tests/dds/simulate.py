@@ -265,6 +265,20 @@ def follow(binary, folder):
         driver.inputs(0.3)
         clock.write(ros.Clock(ros.Time(5, 0)))
         check("and a jump back", node.says("time jumped back", 2))
+        # Publishers that offer best effort, as those of transducers do, are followed like the others.
+        offered = lambda name, kind: DataWriter(driver.participant, Topic(driver.participant, f"rt/governor/{name}", kind), qos=BEST_EFFORT)
+        driver.command, driver.esv = offered("command", ros.GovernorCommand), offered("esv", ros.EsvState)
+        driver.pressure = offered("tank_pressure", ros.FluidPressure)
+        driver.matched()
+        followed = []
+        for step in range(1, 401):
+            driver.inputs(0.6)
+            clock.write(ros.Clock(ros.Time(5 + step // 100, step % 100 * 10_000_000)))
+            time.sleep(0.005)
+            followed += driver.states()
+        check("best-effort inputs are followed too", followed and abs(followed[-1].servomotor_position - 0.6) < 2e-3,
+              f"({followed[-1].servomotor_position:.4f})" if followed else "(no state)")
+        check("and are not told as incompatible", "offers less" not in node.said())
         other = DomainParticipant(DOMAIN)
         second = DataWriter(other, Topic(other, "rt/clock", ros.Clock), qos=RELIABLE)
         check("two clocks are told", node.says("/clock: 2 publishers"))

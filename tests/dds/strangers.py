@@ -11,7 +11,7 @@ import re
 import sys
 import time
 
-from bench import BEST_EFFORT, DOMAIN, RELIABLE, check, matched, wait_for, whole, FAILED
+from bench import DOMAIN, RELIABLE, check, matched, wait_for, whole, FAILED
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic

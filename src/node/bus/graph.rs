@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use ros2_client::Gid;
+use rustdds::policy::Reliability;
 use rustdds::{GUID, RTPSEntity};
 
 use super::super::offer::{Describer, Offer, ros_type};
@@ -19,6 +20,15 @@ impl Bus {
             Some((Gid::from(data.key), (topic, ros_type(&data.type_name))))
         });
         named.collect()
+    }
+
+    /// Whether a publisher sends lost samples again, as one does that does not say; `None` while it is not listed.
+    #[must_use]
+    pub(in super::super) fn is_reliable(&self, writer: Gid) -> Option<bool> {
+        let writers = self.context.domain_participant().discovered_writers();
+        let mut data = writers.iter().map(|writer| &writer.publication_topic_data);
+        let reliability = data.find(|data| Gid::from(data.key) == writer)?.qos().reliability();
+        Some(!matches!(reliability, Some(Reliability::BestEffort)))
     }
 
     /// The publishers of other nodes.
@@ -89,8 +99,11 @@ impl Bus {
                 }
             } else {
                 let data = writers.iter().map(|writer| &writer.publication_topic_data);
+                // Another reader of the node may be there for it.
+                let own = self.endpoints.iter().filter(|other| !other.writes && other.topic == *topic);
                 for data in data.filter(|data| data.topic_name == dds_name) {
-                    if let Some(policy) = data.qos().compliance_failure_wrt(qos) {
+                    let is_read = own.clone().any(|other| data.qos().compliance_failure_wrt(&other.qos).is_none());
+                    if let Some(policy) = data.qos().compliance_failure_wrt(qos).filter(|_| !is_read) {
                         let words = format!("{topic}: a publisher offers less {policy:?} than is asked for");
                         found.push((Gid::from(data.key), words));
                     }

@@ -4,19 +4,16 @@
 //! command that came before it, nor a command before the tick that it came after.
 
 use futures::stream::{LocalBoxStream, StreamExt, select_all};
-use ros2_client::{MessageInfo, ReadError, Subscription};
+use ros2_client::Subscription;
 use serde::de::DeserializeOwned;
 
-use super::super::intake::Intake;
 use super::super::realtime::monotonic_ns;
+use super::input::{Input, Sample};
 use super::{Arrivals, InputEvent, Listener, NativeInputs};
 use govtwin_bag::msg::{Clock, Interface, JointState};
 
 /// Most samples that are put in order at a time; of more the rest follows.
 const MOST_TOGETHER: usize = 4096;
-
-/// A sample, or why it cannot be read.
-type Sample<M> = Result<(M, MessageInfo), ReadError>;
 
 /// What is done with a sample, and when it came, ns; of two that came at once the clock is the later one.
 struct Arrived<'s> {
@@ -35,22 +32,31 @@ impl Listener<'_> {
     pub(super) fn in_order<'s>(
         &'s self,
         native: Option<&'s NativeInputs>,
-        joint_commands: &'s Subscription<JointState>,
+        joint_commands: &'s Input<JointState>,
         clock: &'s Subscription<Clock>,
     ) -> Arrivals<'s> {
-        let mut ways =
-            vec![way(clock, true, |sample| self.tick(sample)), way(joint_commands, false, |sample| self.asked(sample))];
+        let ticks = arrived(true, |sample| self.tick(sample));
+        let mut ways: Vec<Way<'s>> = vec![
+            (clock.async_stream().map(ticks).boxed_local(), Box::new(move || clock.take().transpose().map(ticks))),
+            self.way(joint_commands, |sample| self.asked(sample)),
+        ];
         if let Some(native) = native {
-            ways.push(self.way_of(&native.command));
-            ways.push(self.way_of(&native.esv));
-            ways.push(self.way_of(&native.tank_pressure));
+            ways.push(self.way(&native.command, |sample| self.sample(sample)));
+            ways.push(self.way(&native.esv, |sample| self.sample(sample)));
+            ways.push(self.way(&native.tank_pressure, |sample| self.sample(sample)));
         }
         let (streams, queues): (Vec<_>, Vec<_>) = ways.into_iter().unzip();
         select_all(streams).map(move |first| take_all(first, &queues)).boxed_local()
     }
 
-    fn way_of<'s, M: Interface + Intake + DeserializeOwned + 'static>(&'s self, input: &'s Subscription<M>) -> Way<'s> {
-        way(input, false, |sample| self.sample(sample))
+    /// An input whose samples go to `take`.
+    fn way<'s, M: Interface + DeserializeOwned + 'static>(
+        &'s self,
+        input: &'s Input<M>,
+        take: impl Fn(Sample<M>) + Copy + 's,
+    ) -> Way<'s> {
+        let arrived = arrived(false, take);
+        (input.stream(self).map(arrived).boxed_local(), Box::new(move || input.take(self).map(arrived)))
     }
 
     /// A time of the clock.
@@ -63,19 +69,16 @@ impl Listener<'_> {
     }
 }
 
-/// A topic whose samples go to `take`.
-fn way<'s, M: DeserializeOwned + 'static>(
-    subscription: &'s Subscription<M>,
+/// A sample with its place, to go to `take`.
+fn arrived<'s, M: 's>(
     is_clock: bool,
     take: impl Fn(Sample<M>) + Copy + 's,
-) -> Way<'s> {
-    let arrived = move |sample: Sample<M>| {
+) -> impl Fn(Sample<M>) -> Arrived<'s> + Copy {
+    move |sample| {
         let came = sample.as_ref().ok().and_then(|(_, info)| info.received_timestamp());
         let place = (came.map_or(0, |came| came.to_nanos()), is_clock);
         Arrived { place, take: Box::new(move || take(sample)) }
-    };
-    let queue = move || subscription.take().transpose().map(arrived);
-    (subscription.async_stream().map(arrived).boxed_local(), Box::new(queue))
+    }
 }
 
 /// Takes what has come on all ways, and deals with it in its order. All of it was there once a look at each way finds nothing more.
