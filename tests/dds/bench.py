@@ -98,20 +98,23 @@ def whole(samples):
 
 
 class Bench:
+    """A peer. One at a time in a process: what a writer leaves out for one reader Cyclone DDS leaves out for all of the process that have not got it."""
+
     def __init__(self):
-        self.participant = DomainParticipant(DOMAIN)
+        # No function here knows the bench itself: it goes with the last name for it, and its participant with it.
+        participant = self.participant = DomainParticipant(DOMAIN)
         topics = {}
 
         def topic(name, kind):
             if name not in topics:
-                topics[name] = Topic(self.participant, name, kind)
+                topics[name] = Topic(participant, name, kind)
             return topics[name]
 
         def writer(name, kind, qos=RELIABLE):
-            return DataWriter(self.participant, topic(name, kind), qos=qos)
+            return DataWriter(participant, topic(name, kind), qos=qos)
 
         def reader(name, kind, qos=BEST_EFFORT):
-            return DataReader(self.participant, topic(name, kind), qos=qos)
+            return DataReader(participant, topic(name, kind), qos=qos)
 
         self.reader = reader
         self.command = writer("rt/governor/command", ros.GovernorCommand)

@@ -112,6 +112,7 @@ def main():
         if second is not None:
             second.end()
         check("the node ends in order", node.end())
+        del peer
     node = Node(binary, os.path.join(folder, "health_age.txt"), "--max-stamp-age", "0.5")
     peer = Watcher()
     try:

@@ -145,6 +145,7 @@ def steps(binary, folder):
                   and node.process.returncode == 0)
         finally:
             node.end()
+            del driver
     check("two runs in lock-step are the same to the last bit", len(runs) == 2 and runs[0] == runs[1] and None not in runs[0])
 
 

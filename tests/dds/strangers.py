@@ -171,6 +171,7 @@ def main():
                     check(f"{mode}: {name} is answered", False)
         finally:
             node.end()
+            stranger = call = None
         follower = Node(binary, os.path.join(folder, f"strangers_clock_{number}.txt"), "--optional", "esv", "tank_pressure", *options, *FOLLOW)
         try:
             found["clock of a follower", mode] = Stranger().tells_time(expected.get(("clock of a follower", mode)))
