@@ -70,9 +70,9 @@ class Driver(Bench):
         self.esv.write(ros.EsvState(now(), 1))
 
     def matched(self):
-        """Whether all writers of inputs are matched."""
-        writers = (self.command, self.pressure, self.esv, self.joint_commands)
-        return wait_for(lambda: all(map(matched, writers)), 15)
+        """Whether all writers of inputs are matched, and the readers of states: what was published before is not for them."""
+        ends = (self.command, self.pressure, self.esv, self.joint_commands, self.state, self.reliable_state)
+        return wait_for(lambda: all(map(matched, ends)), 30)
 
     def states(self):
         return whole(self.state.take(10000))
