@@ -8,6 +8,7 @@
 mod impossible;
 mod onsets;
 mod rests;
+mod stay;
 mod trips;
 mod watches;
 

@@ -1,6 +1,7 @@
 //! Whether the spool moves before the command that moves it: seen where a command leaves a rest.
 
 use super::impossible::Impossible;
+use super::stay::Stay;
 use govtwin_model::units::seconds_from_nanos;
 
 /// A command rests where it stays within this band, pu; a regulator of any usual gain makes less of it than a spool that moves.
@@ -14,24 +15,6 @@ const STOOD_S: f64 = 0.5;
 const EARLIEST_S: f64 = 1.0;
 /// One that moved no earlier than this, s, may have a stamp that is late by a cycle of its sender.
 const LEAD_S: f64 = 0.02;
-
-/// A value that stays within a band.
-#[derive(Clone, Copy, Debug)]
-struct Stay {
-    value: f64,
-    since_ns: i64,
-    last_ns: i64,
-}
-
-impl Stay {
-    const fn new(value: f64, time_ns: i64) -> Self {
-        Self { value, since_ns: time_ns, last_ns: time_ns }
-    }
-
-    fn lasted_s(&self) -> f64 {
-        seconds_from_nanos(self.last_ns.saturating_sub(self.since_ns))
-    }
-}
 
 /// A command that has just left its rest.
 #[derive(Clone, Copy, Debug)]
@@ -62,30 +45,23 @@ impl OnsetWatch {
             (self.command, self.spool, self.left, self.onset) = (None, None, None, None);
             return;
         }
-        let rest = self.command.get_or_insert(Stay::new(command, time_ns));
-        if (command - rest.value).abs() <= RESTS_PU {
-            rest.last_ns = time_ns;
-        } else {
-            let (rest, left) = (*rest, self.left);
-            self.command = Some(Stay::new(command, time_ns));
-            self.moved(rest, command, time_ns, left, spool);
+        let rest = self.command.unwrap_or(Stay::new(time_ns, command));
+        self.command = Some(rest.within(time_ns, command, RESTS_PU));
+        if !rest.holds(command, RESTS_PU) {
+            self.moved(rest, command, time_ns, spool);
         }
-        let stay = self.spool.get_or_insert(Stay::new(spool, time_ns));
-        if (spool - stay.value).abs() <= SPOOL_PU {
-            stay.last_ns = time_ns;
-            if stay.lasted_s() > STOOD_S {
-                self.left = None;
-            }
-        } else {
-            if stay.lasted_s() > STOOD_S {
-                self.left = Some((time_ns, stay.value));
-            }
-            self.spool = Some(Stay::new(spool, time_ns));
+        let place = self.spool.unwrap_or(Stay::new(time_ns, spool));
+        let here = place.within(time_ns, spool, SPOOL_PU);
+        self.spool = Some(here);
+        if here.lasted_s() > STOOD_S {
+            self.left = None;
+        } else if !place.holds(spool, SPOOL_PU) && place.lasted_s() > STOOD_S {
+            self.left = Some((time_ns, place.first));
         }
     }
 
     /// The command is elsewhere than before. Only its second step says how far apart its samples are, and when the first may have begun.
-    fn moved(&mut self, rest: Stay, command: f64, time_ns: i64, left: Option<(i64, f64)>, spool: f64) {
+    fn moved(&mut self, rest: Stay, command: f64, time_ns: i64, spool: f64) {
         if let Some(Onset { time_ns: first_ns, command: from, spool_ns, spool_pu }) = self.onset.take() {
             let period_ns = time_ns.saturating_sub(first_ns);
             if seconds_from_nanos(period_ns) < EARLIEST_S && (command - from) * spool_pu >= 0.0 {
@@ -102,11 +78,11 @@ impl OnsetWatch {
             }
         }
         if rest.lasted_s() > RESTED_S {
-            let moved = left.map(|(left_ns, from)| (left_ns, spool - from));
-            let with = moved.filter(|(_, spool_pu)| spool_pu * (command - rest.value) > 0.0);
+            let moved = self.left.map(|(left_ns, from)| (left_ns, spool - from));
+            let with = moved.filter(|(_, spool_pu)| spool_pu * (command - rest.first) > 0.0);
             self.onset = Some(Onset {
                 time_ns,
-                command: rest.value,
+                command: rest.first,
                 spool_ns: with.map(|(left_ns, _)| left_ns),
                 spool_pu: with.map_or(0.0, |(_, spool_pu)| spool_pu),
             });

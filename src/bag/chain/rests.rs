@@ -1,8 +1,8 @@
 //! Where the servomotor rests, and where its command is then.
 
 use super::impossible::Impossible;
+use super::stay::Stay;
 use super::{MOVED_PU, STILL_PU, is_pressed};
-use govtwin_model::units::seconds_from_nanos;
 
 /// At rest so far from its command, pu, for so long, s.
 const REST_PU: f64 = 0.04;
@@ -24,16 +24,13 @@ struct Seen {
     duration_s: f64,
 }
 
-/// Values within a band.
+/// A servomotor that stands still, and its command meanwhile.
 #[derive(Clone, Copy, Debug)]
 struct StillRun {
-    least: f64,
-    most: f64,
-    /// Since when the command is elsewhere, ns.
-    away_since_ns: Option<i64>,
-    /// The command that stands as well, and since when, ns.
-    command: f64,
-    command_since_ns: i64,
+    servo: Stay,
+    command: Stay,
+    /// The command while it is elsewhere.
+    away: Option<Stay>,
 }
 
 /// Sums over the samples at rest.
@@ -58,29 +55,29 @@ pub(super) struct RestWatch {
 
 impl RestWatch {
     pub(super) fn take(&mut self, time_ns: i64, command: f64, servo: f64, normal: bool) {
-        let (least, most) = self.run.map_or((servo, servo), |run| (run.least.min(servo), run.most.max(servo)));
-        if most - least > STILL_PU || !normal || self.run.is_none() {
-            let run = StillRun { least: servo, most: servo, away_since_ns: None, command, command_since_ns: time_ns };
-            self.run = normal.then_some(run);
-        }
-        let Some(run) = &mut self.run else { return };
-        (run.least, run.most) = (run.least.min(servo), run.most.max(servo));
-        if (command - run.command).abs() > STILL_PU {
-            (run.command, run.command_since_ns) = (command, time_ns);
-        }
-        let pressed = is_pressed(servo, command);
-        let stands_s = seconds_from_nanos(time_ns.saturating_sub(run.command_since_ns));
-        if stands_s > PLACE_S && !pressed && command.is_finite() {
-            self.places.take(command, servo);
-        }
-        if (command - servo).abs() < REST_PU || command.is_nan() || pressed {
-            run.away_since_ns = None;
+        if !normal {
+            self.run = None;
             return;
         }
-        let since_ns = *run.away_since_ns.get_or_insert(time_ns);
-        let duration_s = seconds_from_nanos(time_ns.saturating_sub(since_ns));
+        let still = self.run.map(|run| StillRun {
+            servo: run.servo.with(time_ns, servo),
+            command: run.command.within(time_ns, command, STILL_PU),
+            ..run
+        });
+        let (servo_here, command_here) = (Stay::new(time_ns, servo), Stay::new(time_ns, command));
+        let still = still.filter(|run| run.servo.span() <= STILL_PU);
+        let mut run = still.unwrap_or(StillRun { servo: servo_here, command: command_here, away: None });
+        let pressed = is_pressed(servo, command);
+        if run.command.lasted_s() > PLACE_S && !pressed && command.is_finite() {
+            self.places.take(command, servo);
+        }
+        let away = (command - servo).abs() >= REST_PU && !pressed;
+        run.away = away.then(|| run.away.map_or(command_here, |away| away.with(time_ns, command)));
+        self.run = Some(run);
+        let Some(away) = run.away else { return };
+        let duration_s = away.lasted_s();
         if duration_s > REST_S && self.longest.is_none_or(|longest| longest.duration_s < duration_s) {
-            self.longest = Some(Seen { time_ns: since_ns, position_pu: servo, command_pu: command, duration_s });
+            self.longest = Some(Seen { time_ns: away.since_ns, position_pu: servo, command_pu: command, duration_s });
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::ASKS_PU;
 use super::impossible::Impossible;
+use super::stay::Stay;
 use govtwin_model::units::seconds_from_nanos;
 
 /// A tripped servomotor does not open by so much, pu, once so long has passed, s, and is not that far open after so long, s.
@@ -13,21 +14,20 @@ const STANDS_S: f64 = 20.0;
 const CLOSES_PU: f64 = -0.5;
 const CLOSES_S: f64 = 2.0;
 
-/// A time in which a spool closes against the command.
+/// Rows in which a spool closes against the command.
 #[derive(Clone, Copy, Debug)]
 struct Closing {
-    since_ns: i64,
-    from_pu: f64,
-    last_pu: f64,
-    /// The greatest distance from servomotor to command meanwhile, pu.
-    error_pu: f64,
-    spool_pu: f64,
+    servo: Stay,
+    /// From servomotor to command.
+    error: Stay,
+    spool: Stay,
 }
 
 /// What is seen of trips, said and not said.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TripWatch {
-    trip: Option<(i64, f64)>,
+    /// Positions since a second after the trip, from its first row on.
+    trip: Option<Stay>,
     opens: Option<Impossible>,
     stands: Option<Impossible>,
     closing: Option<Closing>,
@@ -42,14 +42,15 @@ impl TripWatch {
             return;
         }
         self.closing = None;
-        let (since_ns, lowest) = *self.trip.get_or_insert((time_ns, f64::INFINITY));
-        let duration_s = seconds_from_nanos(time_ns.saturating_sub(since_ns));
-        if duration_s < TRIPPED_S {
+        let trip = self.trip.unwrap_or(Stay::new(time_ns, f64::INFINITY));
+        let is_early = seconds_from_nanos(time_ns.saturating_sub(trip.since_ns)) < TRIPPED_S;
+        let trip = trip.with(time_ns, if is_early { f64::INFINITY } else { servo });
+        self.trip = Some(trip);
+        if is_early {
             return;
         }
-        let lowest = lowest.min(servo);
-        self.trip = Some((since_ns, lowest));
-        let by_pu = servo - lowest;
+        let duration_s = trip.lasted_s();
+        let by_pu = servo - trip.least;
         if by_pu > OPENS_PU
             && self
                 .opens
@@ -72,22 +73,28 @@ impl TripWatch {
             }
             return;
         }
-        let closing = self.closing.get_or_insert(Closing {
-            since_ns: time_ns,
-            from_pu: servo,
-            last_pu: servo,
-            error_pu: error,
-            spool_pu: spool,
-        });
-        closing.last_pu = servo;
-        closing.error_pu = closing.error_pu.max(error);
-        closing.spool_pu = closing.spool_pu.min(spool);
-        let Closing { since_ns, from_pu, last_pu, error_pu, spool_pu } = *closing;
-        let duration_s = seconds_from_nanos(time_ns.saturating_sub(since_ns));
-        if duration_s > CLOSES_S {
-            let seen =
-                Impossible::TripsUnsaid { from_pu, to_pu: last_pu, error_pu, spool_pu, time_ns: since_ns, duration_s };
-            self.unsaid = Some(seen);
+        let start = Closing {
+            servo: Stay::new(time_ns, servo),
+            error: Stay::new(time_ns, error),
+            spool: Stay::new(time_ns, spool),
+        };
+        let Closing { servo: was, error: asked, spool: stood } = self.closing.unwrap_or(start);
+        let closing = Closing {
+            servo: was.with(time_ns, servo),
+            error: asked.with(time_ns, error),
+            spool: stood.with(time_ns, spool),
+        };
+        self.closing = Some(closing);
+        let Closing { servo, error, spool } = closing;
+        if servo.lasted_s() > CLOSES_S {
+            self.unsaid = Some(Impossible::TripsUnsaid {
+                from_pu: servo.first,
+                to_pu: servo.last,
+                error_pu: error.most,
+                spool_pu: spool.least,
+                time_ns: servo.since_ns,
+                duration_s: servo.lasted_s(),
+            });
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::LASTS;
 use super::impossible::Impossible;
+use super::stay::Stay;
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
@@ -15,9 +16,7 @@ const HELD_JUMPS: u64 = 6;
 /// A signal whose values may be held.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct HeldWatch {
-    last: Option<(i64, f64)>,
-    since_ns: i64,
-    samples: u64,
+    held: Option<Stay>,
     jumps: u64,
     jumped: f64,
     travel: f64,
@@ -26,23 +25,25 @@ pub(super) struct HeldWatch {
 
 impl HeldWatch {
     pub(super) fn take(&mut self, time_ns: i64, value: f64) {
-        match self.last {
-            Some((_, last)) if last.to_bits() == value.to_bits() => self.samples += 1,
-            Some((_, last)) => {
-                let (step, held_s) = ((value - last).abs(), seconds_from_nanos(time_ns.saturating_sub(self.since_ns)));
-                if step > HELD_PU {
-                    self.travel += step;
-                    if self.samples >= HELD_SAMPLES && held_s >= HELD_S {
-                        self.jumps += 1;
-                        self.jumped += step;
-                        self.held_s += held_s;
-                    }
-                }
-                (self.since_ns, self.samples) = (time_ns, 1);
-            }
-            None => (self.since_ns, self.samples) = (time_ns, 1),
+        let Some(held) = self.held else {
+            self.held = Some(Stay::new(time_ns, value));
+            return;
+        };
+        if held.last.to_bits() == value.to_bits() {
+            self.held = Some(held.with(time_ns, value));
+            return;
         }
-        self.last = Some((time_ns, value));
+        self.held = Some(Stay::new(time_ns, value));
+        let step = (value - held.last).abs();
+        if step > HELD_PU {
+            self.travel += step;
+            let held_s = seconds_from_nanos(time_ns.saturating_sub(held.since_ns));
+            if held.samples >= HELD_SAMPLES && held_s >= HELD_S {
+                self.jumps += 1;
+                self.jumped += step;
+                self.held_s += held_s;
+            }
+        }
     }
 
     pub(super) fn found(&self, signal: Signal) -> Option<Impossible> {
