@@ -342,16 +342,13 @@ fn numbers(cases: &mut Cases) {
     ] {
         cases.add(KIND, name, timed(header, plain, ";"), Right);
     }
-    cases.add(
-        KIND,
-        "kPa behind a blank",
-        timed(
-            "t [s];cmd %;servo %;spool %;p kPa",
-            |value, k| if k < 3 { value.to_string() } else { format!("{:.1}", value * 100.0) },
-            ";",
-        ),
-        Right,
-    );
+    for (name, header) in [
+        ("kPa behind a blank", "t [s];cmd %;servo %;spool %;p kPa"),
+        ("kPa behind a line", "t_s;SP_pct;FB_pct;DV_pct;P_kPa"),
+    ] {
+        let cell = |value: f64, k: usize| if k < 3 { value.to_string() } else { format!("{:.1}", value * 100.0) };
+        cases.add(KIND, name, timed(header, cell, ";"), Right);
+    }
     cases.add(
         KIND,
         "units in cells",

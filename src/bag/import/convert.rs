@@ -153,6 +153,14 @@ pub fn at_end_of_name(word: &str) -> &'static str {
     UNITS.iter().find(|(plain, ..)| *plain == word).map_or("", |(.., written)| written)
 }
 
+/// The unit with a capital inside, as `kPa` and `mA` have one, that stands behind everything else of a name; empty where none does.
+#[must_use]
+pub fn with_capital_at_end_of(name: &str) -> &'static str {
+    let inside = |written: &&str| written.starts_with(char::is_lowercase) && written.contains(char::is_uppercase);
+    let mut all = UNITS.iter().map(|(.., written)| *written).filter(inside);
+    all.find(|written| name.len() > written.len() && name.ends_with(written)).unwrap_or_default()
+}
+
 /// A unit in a plain form: lower case, brackets and blanks off, `(a)` and `abs` as `a`.
 #[must_use]
 pub fn plain(text: &str) -> String {

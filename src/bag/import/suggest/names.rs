@@ -1,6 +1,6 @@
 //! What the names of columns say of the signals behind them, in the languages of plants and manufacturers.
 
-use crate::import::convert::at_end_of_name;
+use crate::import::convert::{at_end_of_name, with_capital_at_end_of};
 use crate::import::row::Target;
 
 /// Words of names with what they speak for, and how much. Those of up to three letters count only as whole words.
@@ -14,6 +14,7 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
             ("cmd", 3.0),
             ("setpoint", 3.0),
             ("set_point", 3.0),
+            ("sp", 2.5),
             ("soll", 3.5),
             ("demand", 3.0),
             ("reference", 2.0),
@@ -241,8 +242,11 @@ pub(super) fn is_known(word: &str) -> bool {
 
 /// The unit that a name ends with, as `spool_pct` does; empty where it does not.
 pub(super) fn unit(name: &str) -> &'static str {
+    // A capital inside a unit parts no words.
+    let written = with_capital_at_end_of(name);
     let words = words(name);
-    words.last().filter(|_| words.len() > 1).map_or("", |last| at_end_of_name(last))
+    let last = || words.last().filter(|_| words.len() > 1).map_or("", |last| at_end_of_name(last));
+    if written.is_empty() { last() } else { written }
 }
 
 /// The words of a name in lower case: parted at signs, at capitals after small letters, and digits from letters.
@@ -280,6 +284,9 @@ mod tests {
         for (name, expected) in [
             ("spool_pct", "%"),
             ("tankPressureMPa", "MPa"),
+            ("tankPressurekPa", "kPa"),
+            ("P_kPa", "kPa"),
+            ("AI_CMD_mA", "mA"),
             ("stroke mm", "mm"),
             ("p tank bar", "bar"),
             ("pa", ""),
@@ -295,6 +302,7 @@ mod tests {
             ("Y_soll", Target::OpeningCommand),
             ("Leitapparat Sollwert", Target::OpeningCommand),
             ("Gate setpoint", Target::OpeningCommand),
+            ("SP_pct", Target::OpeningCommand),
             ("/governor/command.opening", Target::OpeningCommand),
             ("Y_ist", Target::ServomotorPosition),
             ("Leitapparatstellung", Target::ServomotorPosition),
