@@ -181,6 +181,36 @@ fn recordings_of_different_units_are_told_apart() {
     noted(&said, &["different units", "width_m would be", "strange"]);
 }
 
+/// Two processes of each of two units, of which one has play: each half confirms itself.
+#[test]
+fn recordings_of_two_units_are_told_apart_by_halves() {
+    let options =
+        ReadOptions { interpolation: Interpolation::Sharp { period_ns: 1_000_000 }, ..ReadOptions::default() };
+    let load = |(case, process): (&str, &str)| {
+        let path = format!("{}/bags/practice/{case}/{process}.mcap", env!("CARGO_MANIFEST_DIR"));
+        let recording = read(path.as_ref(), &options).unwrap().recording;
+        Recording { name: format!("{case}/{process}"), ..recording }
+    };
+    let diagnosed = |of: [(&str, &str); 4]| {
+        let catalogue = ["backlash", "lvdt_bias"].iter().filter_map(|id| find(id)).collect();
+        let settings = DiagnosisSettings { catalogue, ..DiagnosisSettings::default() };
+        diagnose(of.map(load).into(), &reference(), &settings, &|_, _| ()).unwrap()
+    };
+    let said = diagnosed([
+        ("case_01", "startup"),
+        ("case_01", "load_increase"),
+        ("case_03", "load_rejection"),
+        ("case_03", "shutdown"),
+    ]);
+    assert_eq!(said.verdict, Verdict::Unknown, "{:?}", said.ranking);
+    let words =
+        ["two units", "case_01/startup and case_01/load_increase", "case_03/load_rejection and case_03/shutdown"];
+    noted(&said, &words);
+    let said =
+        diagnosed(["startup", "load_increase", "load_rejection", "shutdown"].map(|process| ("case_03", process)));
+    assert_eq!(said.verdict, Verdict::Named, "{:?}", said.ranking);
+}
+
 #[test]
 fn an_effect_is_not_taken_for_different_units() {
     let mut unit = sheet();

@@ -1,13 +1,15 @@
 //! Whether the recordings agree: the same parameters must fit each of them, or they are not of one unit.
 
-use crate::estimation::fit::{Effort, Fit, fit};
+use crate::estimation::coordinate::Residuals;
+use crate::estimation::fit::{Effort, Start, fit_all};
+use crate::estimation::linear::Projection;
 use crate::hypotheses::Explored;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
-use crate::model::{FittedModel, covariance};
-use govtwin_model::parameters::Unit;
+use crate::model::FittedModel;
+use nalgebra::DMatrix;
 
-/// Work of the fit to one recording alone.
+/// Work of the fit to some of the recordings.
 const ALONE: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
 
 /// What recordings must gain by parameters of their own to be of different units, in halves of a log-likelihood.
@@ -15,65 +17,133 @@ const STRANGE: f64 = 60.0;
 /// The same as a share of what their common fit leaves beyond noise, and as a share of the noise itself.
 const STRANGE_SHARES: (f64, f64) = (0.5, 0.15);
 
+/// Recordings of more are not tried in two halves: there are too many.
+const MOST_IN_HALVES: usize = 6;
+
 /// Share of the gap that a model may leave and still speak for one unit.
 const EXPLAINED: f64 = 0.3;
 
-/// One recording fitted alone.
-struct FittedAlone {
-    gain: f64,
-    fit: Fit,
-    variances: Vec<f64>,
+/// Some of the recordings, fitted by themselves.
+struct Part {
+    recordings: Vec<usize>,
+    model: FittedModel,
 }
 
-/// Fits each recording alone, from where all together stand; says in a sentence that they are not of one unit, where they are not.
+impl Part {
+    /// By how much they fit better than with the rest.
+    fn gain(&self, together: &FittedModel) -> f64 {
+        let square: f64 = self.recordings.iter().map(|&k| together.fit.residuals[k].norm_squared()).sum();
+        (square + together.fit.prior - self.model.cost()).max(0.0)
+    }
+
+    fn names(&self, problem: &Problem) -> String {
+        let names: Vec<&str> = self.recordings.iter().map(|&k| problem.recordings[k].name.as_str()).collect();
+        names.join(" and ")
+    }
+}
+
+/// Fits recordings by themselves, from where all together stand; says in a sentence that they are not of one unit, where they are not.
 #[must_use]
 pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
-    let model = found.leader();
+    let leader = found.leader();
     let floor = problem.expected_cost();
-    if problem.recordings.len() < 2
-        || model.fit.slopes.len() < problem.recordings.len()
-        || model.cost() - floor < STRANGE
-    {
+    let left = leader.cost() - floor;
+    if problem.recordings.len() < 2 || leader.fit.slopes.len() < problem.recordings.len() || left < STRANGE {
         return None;
     }
     // A model that explains the gap of all of them speaks for one unit, however much each gains by parameters of its own.
-    if model.cost() - floor < EXPLAINED * (found.refitted().cost() - floor) {
+    let explained = EXPLAINED * (found.refitted().cost() - floor);
+    if left < explained {
         return None;
     }
-    let alone: Vec<FittedAlone> = (0..problem.recordings.len())
-        .map(|recording| {
-            let own = problem.only(recording);
-            let known = [model.fit.slopes[recording].clone()];
-            let fit = fit(&own, &model.base, &model.free_parameters, &model.fit.positions, ALONE, Some(&known));
-            let together = model.fit.residuals[recording].norm_squared() + model.fit.prior;
-            let variances = covariance(&model.free_parameters, &fit).diagonal().iter().copied().collect();
-            FittedAlone { gain: (together - fit.cost()).max(0.0), fit, variances }
-        })
-        .collect();
-    let gain: f64 = alone.iter().map(|one| one.gain).sum();
-    let apart = apart(problem, model, &alone)?;
-    if gain < (STRANGE_SHARES.0 * (model.cost() - floor)).max(STRANGE_SHARES.1 * floor).max(STRANGE) {
-        return None;
-    }
-    let mut order: Vec<usize> = (0..alone.len()).collect();
-    order.sort_by(|&a, &b| alone[b].gain.total_cmp(&alone[a].gain));
-    let telling = order.iter().filter(|&&k| alone[k].gain > 0.25 * gain);
-    let names: Vec<&str> = telling.map(|&k| problem.recordings[k].name.as_str()).collect();
-    Some(format!(
-        "One set of parameters does not fit all recordings, although each recording fits its own: {apart}. Are they of different units? Farthest \
-         from the rest: {}. No effect is named for such recordings.",
-        names.join(", ")
-    ))
+    let least = (STRANGE_SHARES.0 * left).max(STRANGE);
+    let gain = |parts: &[Part]| parts.iter().map(|part| part.gain(leader)).sum::<f64>();
+    let each: Vec<Part> = (0..problem.recordings.len()).filter_map(|k| fitted(problem, vec![k], &[leader])).collect();
+    let said = if gain(&each) >= least.max(STRANGE_SHARES.1 * floor) {
+        let mut telling: Vec<&Part> = each.iter().filter(|part| part.gain(leader) > 0.25 * gain(&each)).collect();
+        telling.sort_by(|a, b| b.gain(leader).total_cmp(&a.gain(leader)));
+        let names: Vec<String> = telling.iter().map(|part| part.names(problem)).collect();
+        format!(
+            "although each recording fits its own: {}. Are they of different units? Farthest from the rest: {}.",
+            apart(problem, &each)?,
+            names.join(", ")
+        )
+    } else {
+        // Each half confirms itself, so that there may be an effect in it; both must leave as little as those of one unit.
+        let halves = halves(problem, found).filter(|halves| gain(halves) >= least)?;
+        if halves.iter().map(|part| part.model.cost()).sum::<f64>() - floor > explained {
+            return None;
+        }
+        format!("although two sets fit them: {}. Are they of two units?", apart(problem, &halves)?)
+    };
+    Some(format!("One set of parameters does not fit all recordings, {said} No effect is named for such recordings."))
 }
 
-/// The parameter that two recordings see farthest apart, in its deviations.
-fn apart(problem: &Problem, model: &FittedModel, alone: &[FittedAlone]) -> Option<String> {
-    let mut farthest: Option<(f64, usize, usize, usize)> = None;
-    for (k, _) in model.free_parameters.iter().enumerate() {
-        for a in 0..alone.len() {
-            for b in a + 1..alone.len() {
-                let distance = alone[a].fit.positions[k] - alone[b].fit.positions[k];
-                let size = distance.abs() / (alone[a].variances[k] + alone[b].variances[k]).sqrt().max(1e-9);
+/// Recordings fitted by themselves with the best of some models.
+fn fitted(problem: &Problem, recordings: Vec<usize>, models: &[&FittedModel]) -> Option<Part> {
+    let known: Vec<Option<Vec<DMatrix<f64>>>> = models.iter().map(|model| slopes(model, &recordings)).collect();
+    let starts: Vec<Start<'_, FreeParameter>> = models
+        .iter()
+        .zip(&known)
+        .map(|(model, known)| Start {
+            base: &model.base,
+            coordinates: &model.free_parameters,
+            positions: &model.fit.positions,
+            effort: ALONE,
+            known: known.as_deref(),
+        })
+        .collect();
+    let fits = fit_all(&problem.part(&recordings), &starts);
+    let best = fits.into_iter().zip(models).min_by(|a, b| a.0.cost().total_cmp(&b.0.cost()));
+    best.map(|(fit, model)| {
+        let model = FittedModel::new(model.effects.clone(), model.base.clone(), model.free_parameters.clone(), fit);
+        Part { recordings, model }
+    })
+}
+
+/// The slopes of some recordings, where a model kept them.
+fn slopes(model: &FittedModel, recordings: &[usize]) -> Option<Vec<DMatrix<f64>>> {
+    recordings.iter().map(|&k| model.fit.slopes.get(k).cloned()).collect()
+}
+
+/// The two halves, of two recordings at least, that fit best by themselves, each with one effect at most.
+fn halves(problem: &Problem, found: &Explored) -> Option<[Part; 2]> {
+    let count = problem.recordings.len();
+    if !(4..=MOST_IN_HALVES).contains(&count) {
+        return None;
+    }
+    let models: Vec<&FittedModel> =
+        found.hypotheses.iter().filter(|one| one.effects.len() < 2).map(|one| &one.model).collect();
+    // To first order.
+    let promised = |half: &[usize]| {
+        let of = |model: &&FittedModel| {
+            let slopes = slopes(model, half)?;
+            let residuals: Residuals = half.iter().map(|&k| model.fit.residuals[k].clone()).collect();
+            Some(Projection::new(&model.free_parameters, &model.fit.positions, &slopes, 1.0).cost(&residuals))
+        };
+        models.iter().filter_map(of).fold(f64::INFINITY, f64::min)
+    };
+    let split = |places: u32| -> [Vec<usize>; 2] {
+        [0, 1].map(|side| (0..count).filter(|k| places >> k & 1 == side).collect())
+    };
+    let all = (0..1_u32 << (count - 1)).map(split).filter(|halves| halves.iter().all(|half| half.len() > 1));
+    let cost = |halves: &[Vec<usize>; 2]| halves.iter().map(|half| promised(half)).sum::<f64>();
+    let [one, other] = all.map(|halves| (cost(&halves), halves)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
+    Some([fitted(problem, one, &models)?, fitted(problem, other, &models)?])
+}
+
+/// The parameter that two parts see farthest apart, in its deviations.
+fn apart(problem: &Problem, parts: &[Part]) -> Option<String> {
+    let key = |part: &Part, k: usize| part.model.free_parameters.get(k).map(|one| one.key(&part.model.base));
+    let first = parts.first()?;
+    // Parameters of effects stand behind those of the sheet.
+    let is_common = |k: &usize| key(first, *k).is_some() && parts.iter().all(|part| key(part, *k) == key(first, *k));
+    let mut farthest: Option<(f64, usize, &Part, &Part)> = None;
+    for k in (0..).take_while(is_common) {
+        for (place, a) in parts.iter().enumerate() {
+            for b in &parts[place + 1..] {
+                let distance = a.model.fit.positions[k] - b.model.fit.positions[k];
+                let size = distance.abs() / (a.model.spread[(k, k)] + b.model.spread[(k, k)]).sqrt().max(1e-9);
                 if farthest.is_none_or(|(best, ..)| size > best) {
                     farthest = Some((size, k, a, b));
                 }
@@ -81,19 +151,10 @@ fn apart(problem: &Problem, model: &FittedModel, alone: &[FittedAlone]) -> Optio
         }
     }
     let (size, k, a, b) = farthest?;
-    let value = |free_parameter: &FreeParameter, base: &Unit, place: usize| {
-        free_parameter.value(base, alone[place].fit.positions[k])
-    };
-    let free_parameter = &model.free_parameters[k];
-    let (key, unit) = free_parameter.key(&model.base);
+    let value = |part: &Part| part.model.free_parameters[k].value(&part.model.base, part.model.fit.positions[k]);
+    let (key, unit) = key(a, k)?;
     let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
-    (size > 3.0).then(|| {
-        format!(
-            "{key} would be {:.4e}{unit} in {} and {:.4e}{unit} in {}",
-            value(free_parameter, &model.base, a),
-            problem.recordings[a].name,
-            value(free_parameter, &model.base, b),
-            problem.recordings[b].name
-        )
-    })
+    let (in_a, in_b) = (a.names(problem), b.names(problem));
+    (size > 3.0)
+        .then(|| format!("{key} would be {:.4e}{unit} in {in_a} and {:.4e}{unit} in {in_b}", value(a), value(b)))
 }

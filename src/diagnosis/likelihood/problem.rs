@@ -110,7 +110,15 @@ impl Problem {
     /// A problem with one of the recordings alone, its noise as laid out here.
     #[must_use]
     pub fn only(&self, recording: usize) -> Self {
-        self.of(vec![self.recordings[recording].clone()], vec![self.whiteners[recording].clone()])
+        self.part(&[recording])
+    }
+
+    /// The same with some of the recordings.
+    #[must_use]
+    pub fn part(&self, recordings: &[usize]) -> Self {
+        let (kept, whiteners) =
+            recordings.iter().map(|&k| (self.recordings[k].clone(), self.whiteners[k].clone())).unzip();
+        self.of(kept, whiteners)
     }
 
     /// One recording through the mean twin of a unit.
