@@ -170,7 +170,7 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
         return Err(BagError::NotABag {
             path: path.to_owned(),
             expected: "metadata.yaml or .mcap files in the folder; name the bag's own folder or file",
-            found: describe_folder(path)?,
+            found: source.warnings.first().map_or(describe_folder(path)?, Warning::to_string),
         });
     }
     Ok(())

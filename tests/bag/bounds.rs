@@ -46,6 +46,10 @@ fn names_that_lead_out_of_the_folder_are_not_followed() {
                 .any(|warning| matches!(warning, Warning::Metadata { problem } if problem.contains("outside")))
         );
     }
+    let alone = folder(&["../outside.mcap"]);
+    fs::remove_file(alone.path().join("a.mcap")).unwrap();
+    let error = bag::survey(alone.path()).unwrap_err().to_string();
+    assert!(error.contains("outside of the bag's folder"), "{error}");
     // A link may lead there, but what stands there is not quoted.
     #[cfg(unix)]
     {
