@@ -132,7 +132,7 @@ fn recorded(
             frames.push(Frame { time_ns, inputs, measured });
         }
     }
-    Recording { name: "commissioning".to_owned(), process, frames }
+    Recording { process, ..Recording::new("commissioning", frames) }
 }
 
 #[test]

@@ -50,6 +50,15 @@ pub(super) fn only_simulated(measured: &str, simulated: &str) -> Finding {
     }
 }
 
+/// A command that a historian compressed.
+pub(super) fn compressed(deviation_pu: f64) -> String {
+    format!(
+        "between the few points that a historian kept, the command may have been off by {:.2} % of the stroke; a fit and a diagnosis count that as \
+         uncertainty, and measures of how the unit follows its command are not taken",
+        deviation_pu * 100.0
+    )
+}
+
 /// Messages of another definition of their type, which were read by the names of their fields.
 pub(super) fn translated(topic: &str, difference: &str, count: u64) -> Finding {
     Finding {

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::topic_survey::PaceSurvey;
-use super::{Finding, Kind, SYNTHETIC, Severity};
+use super::{COMMAND_DEVIATION, Finding, Kind, SYNTHETIC, Severity};
 use govtwin_model::units::seconds_from_nanos;
 
 /// Everything worth knowing about a bag besides its values.
@@ -44,7 +44,7 @@ impl Health {
     /// Why no measure may be taken of the recording: whatever makes its figures those of something else than the unit.
     #[must_use]
     pub fn untrusted(&self) -> Option<String> {
-        let doubts = [Kind::Impossible, Kind::SeveralSenders, Kind::OtherClock, Kind::Frozen];
+        let doubts = [Kind::Impossible, Kind::SeveralSenders, Kind::OtherClock, Kind::Frozen, Kind::Compressed];
         let found = self.warnings.iter().filter_map(|warning| match warning {
             Warning::Doubtful(finding) if doubts.contains(&finding.what) => Some(finding.to_string()),
             _ => None,
@@ -57,6 +57,14 @@ impl Health {
     #[must_use]
     pub fn about(&self, key: &str) -> Option<&str> {
         self.files.iter().find_map(|file| file.about.get(key)).map(String::as_str)
+    }
+
+    /// How far the command may have been from that of its messages, pu: between the few points of a historian; else 0.
+    #[must_use]
+    pub fn command_deviation_pu(&self) -> f64 {
+        let stated =
+            |file: &FileHealth| file.about.get(COMMAND_DEVIATION)?.parse().ok().filter(|pu: &f64| pu.is_finite());
+        self.files.iter().filter_map(stated).fold(0.0, f64::max)
     }
 
     /// The bag states that its data was simulated and not measured.

@@ -104,6 +104,8 @@ pub const SIMULATOR: &str = "simulator";
 pub const TWIN: &str = "twin";
 /// Key there that is `true` where the data was simulated and not measured.
 pub const SYNTHETIC: &str = "synthetic";
+/// Key there of how far the command may have been from that of its messages, pu: between the few points of a historian.
+pub const COMMAND_DEVIATION: &str = "command_deviation_pu";
 /// Key there for where the data comes from, in words.
 pub const ORIGIN: &str = "origin";
 

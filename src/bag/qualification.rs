@@ -354,6 +354,15 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
     found
 }
 
+/// A command of which a historian kept few points, as its files say.
+pub(super) fn of_command(topic: &str, deviation_pu: f64) -> Vec<Finding> {
+    let mut found = vec![];
+    if deviation_pu > 0.0 {
+        Found::new(topic, &mut found).warn(Kind::Compressed, findings::compressed(deviation_pu));
+    }
+    found
+}
+
 /// The findings on the files beside damage, and of a bag whose metadata states how many messages it has.
 pub(super) fn of_files(files: &[FileHealth], is_counted: bool) -> Vec<Finding> {
     let mut found = vec![];

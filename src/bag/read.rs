@@ -54,7 +54,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
     }
     let read = Read { healths, evidence, rows, edges, jump, count: frames.len(), translated };
     let health = read.judge(path, &source, &scanned, options)?;
-    Ok(Loaded { recording: Recording::new(source.name, frames), health })
+    let command_deviation_pu = health.command_deviation_pu();
+    Ok(Loaded { recording: Recording { command_deviation_pu, ..Recording::new(source.name, frames) }, health })
 }
 
 /// What was read besides the rows themselves.
@@ -166,6 +167,8 @@ fn qualify(health: &mut Health, evidence: &mut [StreamEvidence; 4], rows: &mut R
     if let Some((topic, servo_state, _)) = heard.pop() {
         found.extend(qualification::of_rows(topic, servo_state, rows));
     }
+    let command = health.streams.first().map_or("", |command| &*command.topic);
+    found.extend(qualification::of_command(command, health.command_deviation_pu()));
     let (notes, warnings): (Vec<_>, Vec<_>) = found.into_iter().partition(|found| found.severity == Severity::Note);
     health.warnings.extend(warnings.into_iter().map(Warning::Doubtful));
     health.notes.extend(notes);

@@ -290,7 +290,11 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
                 warnings.push(format!("{name}: {OWN} (left out)"));
                 (Some(taken.health), Some(OWN.to_owned()), None)
             }
-            Ok(Taken { recordings: taken, health, excerpt }) => {
+            Ok(Taken { recordings: mut taken, health, excerpt }) => {
+                let command_deviation_pu = health.command_deviation_pu();
+                for recording in &mut taken {
+                    recording.command_deviation_pu = command_deviation_pu;
+                }
                 let has_command = taken.iter().any(Recording::has_command);
                 let news = |warning: &&Warning| has_command || !matches!(warning, Warning::Filled { .. });
                 warnings.extend(health.warnings.iter().filter(news).map(|warning| format!("{name}: {warning}")));

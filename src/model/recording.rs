@@ -137,13 +137,15 @@ pub struct Recording {
     pub process: Process,
     /// The rows.
     pub frames: Vec<Frame>,
+    /// How far the command may have been from that of the rows, pu: of a historian that keeps few points; else 0.
+    pub command_deviation_pu: f64,
 }
 
 impl Recording {
     /// Names the frames and recognises their process.
     #[must_use]
     pub fn new(name: impl Into<String>, frames: Vec<Frame>) -> Self {
-        Self { name: name.into(), process: Process::of(&frames), frames }
+        Self { name: name.into(), process: Process::of(&frames), frames, command_deviation_pu: 0.0 }
     }
 
     /// Whether an opening command was recorded; without one only the servomotor stage can be driven, by the spool.

@@ -230,13 +230,104 @@ fn compressed_commands_run_straight_where_the_servomotor_does() {
         (0..38).map(|k| format!("U3.SERVO,{},{},Good\n", at(f64::from(k)), held(f64::from(k) - 0.5))).collect();
     let (rows, _) = super::super::rows_of(format!("{steps}{servo}"), map).unwrap();
     assert_eq!(series(&rows, Target::OpeningCommand).len(), 4);
-    // Where nothing shows it, it is asked.
+    // Where nothing shows it, it is asked, and may be anywhere between the two.
     let (_, outcome) = super::super::rows_of(
         &steps,
         "file: {tag_column: Tag, value_column: Value}\nsignals:\n  opening_command: {column: U3.Y_CMD, unit: \"%\"}\n",
     )
     .unwrap();
     assert!(outcome.warnings.iter().any(|warning| warning.contains("between: line")), "{:?}", outcome.warnings);
+    assert!((outcome.command_deviation_pu - 0.48).abs() < 0.01, "{}", outcome.command_deviation_pu);
+}
+
+/// The points that a swinging door keeps of a course: each line between two passes all others within a deviation (Bristol 1990).
+fn swinging_door(course: &[(f64, f64)], deviation: f64) -> Vec<(f64, f64)> {
+    let mut kept = vec![course[0]];
+    let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
+    for pair in course.windows(2) {
+        let doors = |from: (f64, f64)| {
+            let [low, here, high] =
+                [-deviation, 0.0, deviation].map(|by| (pair[1].1 + by - from.1) / (pair[1].0 - from.0));
+            (low, here, high)
+        };
+        let (low, here, high) = doors(kept[kept.len() - 1]);
+        if here < lower || here > upper {
+            kept.push(pair[0]);
+            (lower, _, upper) = doors(pair[0]);
+        } else {
+            (lower, upper) = (lower.max(low), upper.min(high));
+        }
+    }
+    kept.extend(course.last());
+    kept
+}
+
+/// A load increase of a unit with 0.21 % of play, of which a historian kept command and servomotor to 0.2 % of the stroke; and how far its command is
+/// from its lines at most, pu.
+fn compressed() -> (String, f64) {
+    let truth = recording("practice/case_03/load_increase.mcap", 4);
+    let mut lines = vec![];
+    let mut farthest = 0.0_f64;
+    for (signal, name, deviation) in [(0, "cmd", 0.2), (1, "servo", 0.2), (2, "spool", 0.0), (3, "tank", 0.1)] {
+        let course: Vec<(f64, f64)> = truth.iter().map(|row| (row.time_s, row.values[signal])).collect();
+        let kept = swinging_door(&course, deviation);
+        lines.extend(kept.iter().map(|(time_s, value)| format!("{name},{time_s:.2},{value}\n")));
+        for (time_s, value) in course.iter().filter(|_| signal == 0) {
+            let next = kept.partition_point(|point| point.0 <= *time_s).clamp(1, kept.len() - 1);
+            let (from, to) = (kept[next - 1], kept[next]);
+            let line = from.1 + (to.1 - from.1) * (time_s - from.0) / (to.0 - from.0);
+            farthest = farthest.max((line - value).abs() / 100.0);
+        }
+    }
+    (format!("Tag,t [s],Value\n{}", lines.concat()), farthest)
+}
+
+const COMPRESSED: &str = "file: {tag_column: Tag, value_column: Value}\nsignals:\n  spool_position: {column: spool, unit: \"%\"}\n  \
+                          servomotor_position: {column: servo, unit: \"%\"}\n  tank_pressure: {column: tank, unit: bar}\n  esv: normal\n  \
+                          opening_command: {column: cmd, unit: \"%\"";
+
+#[test]
+fn what_a_historian_lets_pass_is_asked_and_counts_as_uncertainty_of_the_command() {
+    let (text, farthest_pu) = compressed();
+    let (_, outcome) = super::super::rows_of(&text, &format!("{COMPRESSED}}}\n")).unwrap();
+    assert!(outcome.warnings.iter().any(|warning| warning.contains("`deviation_percent`")), "{:?}", outcome.warnings);
+    assert_eq!(outcome.command_deviation_pu, 0.003);
+    assert!(farthest_pu > 0.001 && farthest_pu < outcome.command_deviation_pu, "{farthest_pu}");
+    let stated = format!("{COMPRESSED}, deviation_percent: 0.2}}\n");
+    let (_, outcome) = super::super::rows_of(&text, &stated).unwrap();
+    assert!(!outcome.warnings.iter().any(|warning| warning.contains("deviation")), "{:?}", outcome.warnings);
+    assert_eq!(outcome.command_deviation_pu, 0.002);
+    let (_, outcome) =
+        super::super::rows_of("t [s],cmd [%]\n0,10\n1,20\n", "signals: {opening_command: {column: cmd}}\n").unwrap();
+    assert_eq!(outcome.command_deviation_pu, 0.0);
+
+    let (folder, path) = super::super::file("t.csv", &text);
+    let run = |command: &[&str]| {
+        let map = folder.path().join("map.yaml");
+        std::fs::write(&map, &stated).unwrap();
+        let out = folder.path().join(command[0]);
+        let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_govtwin"));
+        let output = program
+            .args(command)
+            .arg(&path)
+            .arg("--map")
+            .arg(map)
+            .arg("--json")
+            .arg("--out")
+            .arg(out)
+            .output()
+            .unwrap();
+        (output.status.code(), String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    // Nothing else is named for what the compression has made, and nothing unknown is sure.
+    let (code, report, told) = run(&["diagnose"]);
+    assert!(code == Some(3) && told.contains("may have been off by 0.20 % of the stroke"), "{code:?} {told}");
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert!(report["effects"].as_array().unwrap().iter().all(|effect| effect["id"] == "backlash"), "{report:#}");
+    let unknown = report["ranking"].as_array().unwrap().iter().find(|one| one["id"] == "unknown");
+    assert!(unknown.is_none_or(|one| one["probability"].as_f64().unwrap() < 0.9), "{report:#}");
+    let (code, _, told) = run(&["accept", "--measure-only"]);
+    assert!(code == Some(1) && told.contains("historian"), "{code:?} {told}");
 }
 
 #[test]

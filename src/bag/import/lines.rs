@@ -28,6 +28,9 @@ const CLEAR: f64 = 0.6;
 const FITS_PU: f64 = 0.05;
 const MATTERS_PU: f64 = 0.01;
 
+/// How far a historian lets a command be from its line where nobody says it, pu: 0.2 % of the span by compression and 0.1 % before that, as exceptions.
+const USUAL_DEVIATION_PU: f64 = 0.003;
+
 /// What a command does between its points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Between {
@@ -58,6 +61,44 @@ pub(super) enum Course {
     Hold,
     /// It does not show it: how far both are apart at most, pu.
     Unknown { points: usize, apart_pu: f64 },
+}
+
+impl Course {
+    /// How far the command may have been from what was taken, pu, where its map does not say it.
+    pub(super) fn deviation_pu(self) -> f64 {
+        match self {
+            Self::Dense | Self::Hold => 0.0,
+            Self::Line { .. } => USUAL_DEVIATION_PU,
+            Self::Unknown { apart_pu, .. } => apart_pu,
+        }
+    }
+
+    /// Notes and warnings: how the command was taken, with what is left to say; `stated_pu` is what the map says of its deviation.
+    pub(super) fn words(self, added: u64, stated_pu: Option<f64>) -> (Option<String>, Option<String>) {
+        match self {
+            Self::Line { points } => {
+                let note = format!(
+                    "opening_command: {points} points at its corners, as a compressing historian keeps them; the servomotor follows straight \
+                     lines between them, on which {added} points were added; measured signals stay at their points"
+                );
+                let question = format!(
+                    "opening_command: how far the historian lets it be from its lines, the file does not say; taken as {} % of the stroke. Give \
+                     `deviation_percent` in the map, or export what was not compressed: faults that change less do not show",
+                    USUAL_DEVIATION_PU * 100.0
+                );
+                (Some(note), stated_pu.is_none().then_some(question))
+            }
+            Self::Unknown { points, apart_pu } => {
+                let question = format!(
+                    "opening_command: {points} points, between which it may hold or run straight, {:.0} % of the stroke apart, and the servomotor \
+                     does not show which; it is taken to hold; give `between: line` in the map where a historian has compressed it, or `between: hold`",
+                    apart_pu * 100.0
+                );
+                (None, Some(question))
+            }
+            Self::Dense | Self::Hold => (None, None),
+        }
+    }
 }
 
 impl SparsePoints {

@@ -127,6 +127,8 @@ pub struct SignalMap {
     pub latch: bool,
     /// Of the command: what it does between its points.
     pub between: Between,
+    /// Of the command: how far it may have been from that, % of the stroke.
+    pub deviation_percent: Option<f64>,
     /// The column of its own times, where it has other ones than the rest of the table.
     pub time: Option<String>,
     /// The column that says whether its values are good; `none` where no column does although one is called so.
@@ -149,6 +151,7 @@ impl SignalMap {
             shutdown: vec![],
             latch: false,
             between: Between::default(),
+            deviation_percent: None,
             time: None,
             quality: None,
             good: vec![],

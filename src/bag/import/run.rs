@@ -6,7 +6,7 @@ use super::ImportError;
 use super::csv_file::CsvFile;
 use super::findings::{Findings, SignalFindings};
 use super::lines::{Between, Course, Lines, SparsePoints};
-use super::map::{Map, SignalPlace};
+use super::map::{Map, SignalMap, SignalPlace};
 use super::recurring::Recurring;
 use super::resample::Resampler;
 use super::row::{ImportedRow, Target};
@@ -44,6 +44,8 @@ pub struct ImportOutcome {
     pub notes: Vec<String>,
     /// What a user should look into.
     pub warnings: Vec<String>,
+    /// How far the command may have been from what was taken, pu: between the few points of a historian; else 0.
+    pub command_deviation_pu: f64,
 }
 
 impl Import {
@@ -167,19 +169,11 @@ impl Import {
             }
         }
         let mut outcome = ImportOutcome::default();
-        match course {
-            Course::Line { points } => outcome.notes.push(format!(
-                "opening_command: {points} points at its corners, as a compressing historian keeps them; the servomotor follows straight lines \
-                 between them, on which {} points were added; measured signals stay at their points",
-                lines.as_ref().map_or(0, |lines| lines.added)
-            )),
-            Course::Unknown { points, apart_pu } => outcome.warnings.push(format!(
-                "opening_command: {points} points, between which it may hold or run straight, {:.0} % of the stroke apart, and the servomotor does \
-                 not show which; it is taken to hold; give `between: line` in the map where a historian has compressed it, or `between: hold`",
-                apart_pu * 100.0
-            )),
-            Course::Dense | Course::Hold => {}
-        }
+        let stated_pu = self.command().and_then(|command| command.deviation_percent).map(|percent| percent / 100.0);
+        let (note, question) = course.words(lines.as_ref().map_or(0, |lines| lines.added), stated_pu);
+        outcome.notes.extend(note);
+        outcome.warnings.extend(question);
+        outcome.command_deviation_pu = stated_pu.unwrap_or(course.deviation_pu());
         if let Some(mut resampler) = resampler {
             resampler.end();
             while let Some(mut row) = resampler.pop() {
@@ -199,11 +193,14 @@ impl Import {
         Ok(outcome)
     }
 
+    fn command(&self) -> Option<&SignalMap> {
+        self.map.signals.iter().find(|signal| signal.target == Target::OpeningCommand)
+    }
+
     /// What the command of a table does between its points, by a first reading of files that are as small as compressed ones.
     fn course(&self) -> Result<Course, ImportError> {
-        let command = self.map.signals.iter().find(|signal| signal.target == Target::OpeningCommand);
-        let between =
-            command.filter(|command| matches!(command.from, SignalPlace::Column(_))).map(|command| command.between);
+        let column = self.command().filter(|command| matches!(command.from, SignalPlace::Column(_)));
+        let between = column.map(|command| command.between);
         let bytes: u64 = self.sources.iter().map(|part| part.bytes).sum();
         match between {
             None | Some(Between::Hold) => return Ok(Course::Hold),

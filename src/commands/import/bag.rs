@@ -30,7 +30,6 @@ pub fn write(files: &[PathBuf], map: &Map, out: &Path, bar: bool) -> anyhow::Res
         govtwin_files::make_folder(parent).with_context(failed)?;
     }
     let mut bag = Writer::create(out, OPTIONS).with_context(failed)?;
-    bag.describe(govtwin_bag::GOVTWIN, about(files, map))?;
     let topics = Topics::default();
     let mut streams = BagTopics {
         command: bag.topic(&topics.command, Qos::DEFAULT)?,
@@ -42,6 +41,7 @@ pub fn write(files: &[PathBuf], map: &Map, out: &Path, bar: bool) -> anyhow::Res
     let progress = bar.then(progress);
     let mut on_progress = |share: f64| progress.iter().for_each(|progress| progress.at(share, "read"));
     let outcome = import.run(&mut |row| streams.put(row), &mut on_progress)?;
+    streams.bag.describe(govtwin_bag::GOVTWIN, about(files, map, outcome.command_deviation_pu))?;
     Ok((streams.bag.seal().with_context(failed)?, outcome))
 }
 
@@ -65,7 +65,7 @@ impl BagTopics {
 }
 
 /// What the bag says of where it comes from: names of files, not the places where they lay.
-fn about(files: &[PathBuf], map: &Map) -> BTreeMap<String, String> {
+fn about(files: &[PathBuf], map: &Map, command_deviation_pu: f64) -> BTreeMap<String, String> {
     let name = |file: &PathBuf| file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
     let files: Vec<String> = files.iter().map(name).collect();
     let mut about = BTreeMap::from([
@@ -75,6 +75,9 @@ fn about(files: &[PathBuf], map: &Map) -> BTreeMap<String, String> {
     ]);
     if !map.source.is_empty() {
         about.insert("source".to_owned(), map.source.clone());
+    }
+    if command_deviation_pu > 0.0 {
+        about.insert(govtwin_bag::COMMAND_DEVIATION.to_owned(), command_deviation_pu.to_string());
     }
     about
 }

@@ -53,17 +53,19 @@ impl PreparedRecording {
 
     /// Prepares what is left of a recording.
     fn with_seams(recording: Recording, seams: Vec<(usize, i64)>) -> Self {
-        let Recording { name, process, frames } = recording;
+        let Recording { name, process, frames, command_deviation_pu } = recording;
         let samples: Vec<usize> = (0..frames.len()).filter(|&row| is_sample(&frames[row])).collect();
         let has = Signal::ALL.map(|signal| samples.iter().any(|&row| signal.of(&frames[row].measured).is_finite()));
         let period_s = period_s(&frames);
         let command = |row: usize| frames[row].inputs.opening_command_pu;
-        let mut command_doubt_pu = vec![0.0; samples.len()];
+        // Anywhere within what a historian lets pass.
+        let everywhere_pu = command_deviation_pu / 3.0_f64.sqrt();
+        let mut command_doubt_pu = vec![everywhere_pu; samples.len()];
         let mut bends = Vec::with_capacity(samples.len());
         for k in 1..samples.len().saturating_sub(1) {
             let bend = command(samples[k - 1]) - 2.0 * command(samples[k]) + command(samples[k + 1]);
             if bend.is_finite() {
-                command_doubt_pu[k] = 0.25 * bend.abs();
+                command_doubt_pu[k] = everywhere_pu.hypot(0.25 * bend);
                 bends.push(bend.abs());
             }
         }

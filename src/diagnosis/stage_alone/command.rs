@@ -82,7 +82,7 @@ pub fn command_for_spool(recordings: &mut [Recording]) -> Option<StandIn> {
 fn sampled(recordings: &[Recording]) -> Vec<Recording> {
     let of = |recording: &Recording| {
         let frames = recording.frames.iter().filter(|frame| frame.measured.servomotor_position_pu.is_finite());
-        Recording { name: recording.name.clone(), process: recording.process, frames: frames.copied().collect() }
+        Recording { process: recording.process, ..Recording::new(&recording.name, frames.copied().collect()) }
     };
     recordings.iter().map(of).collect()
 }

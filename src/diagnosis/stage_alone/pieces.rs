@@ -18,7 +18,7 @@ pub fn pieces(recordings: &[Recording], most: usize) -> Vec<Recording> {
                 1 => recording.name.clone(),
                 _ => format!("{}, part {} of {count}", recording.name, k + 1),
             };
-            all.push(Recording { name, process: recording.process, frames });
+            all.push(Recording { process: recording.process, ..Recording::new(name, frames) });
         }
     }
     all
@@ -40,7 +40,7 @@ pub fn windows(recording: &Recording, length_s: f64) -> Vec<Recording> {
     };
     let of = |k: usize| {
         let frames = recording.frames[row(k)..row(k + 1)].to_vec();
-        Recording { name: recording.name.clone(), process: recording.process, frames }
+        Recording { process: recording.process, ..Recording::new(&recording.name, frames) }
     };
     (0..count).map(of).collect()
 }

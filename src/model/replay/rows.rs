@@ -177,7 +177,7 @@ impl GatheredFigures {
             self.kept.push(last);
         }
         let (frames, estimates) = self.kept.iter().map(|kept| (kept.frame, kept.estimate)).unzip();
-        let recording = Recording { name: name.to_owned(), process: self.process.process(), frames };
+        let recording = Recording { process: self.process.process(), ..Recording::new(name, frames) };
         Replayed { recording, estimates, scores: self.scores, rows: self.rows, every: self.every }
     }
 }

@@ -23,8 +23,22 @@ const FILE: &[&str] = &[
 ];
 const TIME: &[&str] = &["column", "columns", "format", "zone", "start", "rate_hz", "repeated", "stamp"];
 const SIGNAL: &[&str] = &[
-    "column", "field", "constant", "unit", "scale", "offset", "range", "to", "sign", "shutdown", "latch", "time",
-    "quality", "good", "between",
+    "column",
+    "field",
+    "constant",
+    "unit",
+    "scale",
+    "offset",
+    "range",
+    "to",
+    "sign",
+    "shutdown",
+    "latch",
+    "time",
+    "quality",
+    "good",
+    "between",
+    "deviation_percent",
 ];
 
 pub(super) fn parse(text: &str) -> Result<Map, Vec<FileProblem>> {
@@ -175,7 +189,12 @@ impl<'a> Reader<'a> {
             Some("line") => signal.between = Between::Line,
             Some(other) => self.say(&with(path, "between"), format!("expected hold or line, found `{other}`")),
         }
-        if signal.between != Between::Found && target != Target::OpeningCommand {
+        signal.deviation_percent = self.number(pairs, path, "deviation_percent");
+        if signal.deviation_percent.is_some_and(|percent| !(0.0..=100.0).contains(&percent)) {
+            self.say(&with(path, "deviation_percent"), "expected 0 to 100 % of the stroke");
+        }
+        if (signal.between != Between::Found || signal.deviation_percent.is_some()) && target != Target::OpeningCommand
+        {
             self.say(
                 &with(path, "between"),
                 "belongs to `opening_command` alone: what is measured stays where it was measured",

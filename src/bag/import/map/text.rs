@@ -114,6 +114,7 @@ fn value(signal: &SignalMap) -> String {
         Between::Hold => parts.push("between: hold".to_owned()),
         Between::Line => parts.push("between: line".to_owned()),
     }
+    parts.extend(signal.deviation_percent.map(|percent| format!("deviation_percent: {percent}")));
     parts.extend(signal.time.as_ref().map(|time| format!("time: {}", quoted(time))));
     parts.extend(signal.quality.as_ref().map(|quality| format!("quality: {}", quoted(quality))));
     if !signal.good.is_empty() {
@@ -151,7 +152,7 @@ file: {separator: tab, decimal: ",", thousands: ".", encoding: windows-1252, hea
 time: {columns: [Datum, "Zeit #2"], format: "%d.%m.%Y %H:%M:%S%.f", zone: Europe/Zurich, repeated: spread, start: "2024-05-02"}
 resample: {rate_hz: 100}
 signals:
-  opening_command: {column: "Y soll, \"%\"", unit: "%", between: line}
+  opening_command: {column: "Y soll, \"%\"", unit: "%", between: line, deviation_percent: 0.3}
   esv: {column: TRIP, shutdown: [1, "> 0.5", AUS], latch: true}
   tank_pressure: {column: p, range: [4, 20], to: [0, 100], unit: bar}
   spool_position: {field: "/joint_states.position[spool]", range: [0, 0.015], sign: -1}
