@@ -119,7 +119,7 @@ impl TimeScale {
             }
             (count, least, most) = (count + 1, least.min(scale.factor), most.max(scale.factor));
         }
-        (count > 1 || most < 1.0) && most <= ALIKE * least
+        (count > 1 || count == 1 && most < 1.0) && most <= ALIKE * least
     }
 
     /// In words, with the way out; `alone` where no other recording says the same.
