@@ -76,9 +76,9 @@ fn nothing_is_concluded_from_what_cannot_be() {
     assert!(passed.is_empty(), "{passed:#?}");
 }
 
-/// A loss of oil flow slows a unit, and nothing makes it faster than its sheet.
+/// A loss of oil flow slows a unit, nothing makes it faster, and no sheet is wrong by a factor of five.
 #[test]
-fn one_recording_that_is_faster_than_the_unit_is_not_of_it() {
+fn one_recording_that_is_far_faster_than_the_unit_is_not_of_it() {
     let changed = |factor: f64| {
         let mut rows = frames("practice/case_01/load_rejection.mcap");
         super::defects::time(&mut rows, factor);
@@ -86,7 +86,7 @@ fn one_recording_that_is_faster_than_the_unit_is_not_of_it() {
         std::fs::write(folder.path().join("one.mcap"), bag_of(&rows).bytes(WriteOptions::new())).unwrap();
         folder
     };
-    let (code, _, told) = run("fit", &[], changed(0.5).path());
+    let (code, _, told) = run("fit", &[], changed(0.2).path());
     assert!(
         code == 1 && told.contains("the recording is not of this unit") && told.contains("--stage-alone"),
         "{told}"

@@ -2,7 +2,7 @@
 //!
 //! No fault slows spool and servomotor alike, by the same factor in whatever they do; a clock in another unit, or an export by a wrong rate, does. A
 //! recording of another unit may look so too. A loss of oil flow looks so in one recording, by another factor in each: only where several agree
-//! is nothing concluded from them. None makes a unit faster than its sheet: one recording that is tells enough.
+//! is nothing concluded from them. None makes a unit faster, and no sheet is wrong by so much as some machines are: one recording of those tells enough.
 
 use govtwin_model::frame::Frame;
 use govtwin_model::metrics::Figures;
@@ -24,6 +24,8 @@ const LEAST: f64 = 1.3;
 const DOUBTFUL: f64 = 0.25;
 /// Half a step from the right scale less remains than this: time is then wrong by a tenth, where it was by a third.
 const HOPELESS: f64 = 2.0 * DOUBTFUL;
+/// A unit that is so many times as fast as its sheet is another one: even a name plate has its times to a factor of two.
+const FAR_FASTER: f64 = 3.0;
 /// Factors of recordings that agree differ by no more than this one.
 const ALIKE: f64 = 1.1;
 /// The first so much of a recording is enough, s.
@@ -109,8 +111,8 @@ impl TimeScale {
         self.factor.max(1.0 / self.factor) > LEAST && self.remains < DOUBTFUL
     }
 
-    /// Whether nothing but another time, or another unit, explains recordings: all that can tell have the same other scale, and are several, or faster
-    /// than the plant.
+    /// Whether nothing but another time, or another unit, explains recordings: all that can tell have the same other scale, and are several, or much
+    /// faster than the plant.
     pub fn agree<'a>(all: impl Iterator<Item = &'a Self>) -> bool {
         let (mut count, mut least, mut most) = (0, f64::INFINITY, 0.0_f64);
         for scale in all {
@@ -119,7 +121,7 @@ impl TimeScale {
             }
             (count, least, most) = (count + 1, least.min(scale.factor), most.max(scale.factor));
         }
-        (count > 1 || count == 1 && most < 1.0) && most <= ALIKE * least
+        (count > 1 || (count == 1 && most * FAR_FASTER < 1.0)) && most <= ALIKE * least
     }
 
     /// In words, with the way out; `alone` where no other recording says the same.
@@ -171,6 +173,10 @@ mod tests {
         assert!(!agree(&[(2.07, 0.01), (1.41, 0.1)]), "as a supply loss has it");
         assert!(!agree(&[(2.0, 0.01), (1.0, 1.0)]) && !agree(&[(2.0, 0.01), (2.0, 0.5)]));
         assert!(!agree(&[(2.0, 0.01)]) && !agree(&[]));
-        assert!(agree(&[(0.5, 0.01)]) && !agree(&[(0.5, 0.4)]), "no fault makes a unit faster");
+        assert!(
+            agree(&[(0.2, 0.01)]) && !agree(&[(0.2, 0.4)]),
+            "no fault makes a unit faster, and no sheet is so wrong"
+        );
+        assert!(!agree(&[(0.6, 0.01)]), "as of a sheet from a name plate");
     }
 }
