@@ -113,8 +113,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
     let nearest = if has_gap { judged.nearest() } else { chosen };
-    let is_claimed = std::ptr::eq(nearest, chosen);
-    let explained = if is_claimed { whole } else { fractions.of(nearest) };
+    let explained = if std::ptr::eq(nearest, chosen) { whole } else { fractions.of(nearest) };
     let mut blamed = blames(&judged, (chosen, whole), verdict);
     if verdict == Verdict::Named {
         share_out(whole.value, &mut blamed);
@@ -122,9 +121,8 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     let refitted_without = without_recordings(problem, refitted_model);
     let is_new = !chosen.effects.is_empty();
     let chosen_without = if is_new { without_recordings(problem, chosen) } else { refitted_without.clone() };
-    let [delivered, refitted, with_effects] =
-        [unit, &refitted_model.unit(), &chosen.unit()].map(|unit| problem.simulate_all(unit));
-    let with_nearest = if is_claimed { with_effects.clone() } else { problem.simulate_all(&nearest.unit()) };
+    let shown = [unit.clone(), refitted_model.unit(), chosen.unit(), nearest.unit()];
+    let [delivered, refitted, with_effects, with_nearest] = problem.simulate_all(&shown).try_into().unwrap_or_default();
     let known = unit.effects.len();
     let spread = judged.numbers.size_spread;
     let of_sheet = |free_parameter: &FreeParameter| !matches!(free_parameter, FreeParameter::Effect { effect, .. } if *effect >= known);

@@ -128,10 +128,11 @@ impl Problem {
         self.recordings[recording].run(&mut self.prepared(twin_of(unit), recording))
     }
 
-    /// All recordings through the mean twin of a unit, one after another.
+    /// All recordings through the mean twins of several units, in parallel: for each unit its estimates by recording.
     #[must_use]
-    pub fn simulate_all(&self, unit: &Unit) -> Vec<Vec<Estimate>> {
-        (0..self.recordings.len()).map(|recording| self.simulate(unit, recording)).collect()
+    pub fn simulate_all(&self, units: &[Unit]) -> Vec<Vec<Vec<Estimate>>> {
+        let twins: Vec<Twin> = units.iter().map(twin_of).collect();
+        self.of_all(&twins, |recording, twins| self.recordings[recording].run_batch(twins))
     }
 
     /// A twin with the cut of a recording; the mean over the noise that the regulator hears, where there is a regulator.
@@ -331,26 +332,33 @@ impl Problem {
     /// The same of twins that no unit describes, such as those with terms of their own; each recording sets their cut.
     #[must_use]
     pub fn residuals_of_twins(&self, twins: &[Twin]) -> Vec<Residuals> {
+        self.of_all(twins, |recording, twins| {
+            let data = &self.recordings[recording];
+            data.traces(twins).into_iter().map(|traces| self.whitened(data, recording, traces)).collect()
+        })
+    }
+
+    /// What `run` makes of several twins on each recording, side by side and in parallel: for each twin its results by recording.
+    fn of_all<R: Send>(&self, twins: &[Twin], run: impl Fn(usize, &mut [Twin]) -> Vec<R> + Sync) -> Vec<Vec<R>> {
         let lanes = Width::most_lanes();
         let batches: Vec<&[Twin]> = twins.chunks(lanes).collect();
-        let jobs: Vec<Vec<DVector<f64>>> = (0..batches.len() * self.recordings.len())
+        let jobs: Vec<Vec<R>> = (0..batches.len() * self.recordings.len())
             .into_par_iter()
             .map(|job| {
-                let (batch, index) = (batches[job / self.recordings.len()], job % self.recordings.len());
+                let (batch, recording) = (batches[job / self.recordings.len()], job % self.recordings.len());
                 self.simulations.fetch_add(batch.len(), Ordering::Relaxed);
-                let mut prepared: Vec<Twin> = batch.iter().map(|twin| self.prepared(twin.clone(), index)).collect();
-                let data = &self.recordings[index];
-                data.traces(&mut prepared).into_iter().map(|traces| self.whitened(data, index, traces)).collect()
+                let mut prepared: Vec<Twin> = batch.iter().map(|twin| self.prepared(twin.clone(), recording)).collect();
+                run(recording, &mut prepared)
             })
             .collect();
-        let mut residuals: Vec<Residuals> = vec![Vec::with_capacity(self.recordings.len()); twins.len()];
+        let mut all: Vec<Vec<R>> = twins.iter().map(|_| Vec::with_capacity(self.recordings.len())).collect();
         for (job, of_batch) in jobs.into_iter().enumerate() {
             let first = job / self.recordings.len() * lanes;
-            for (all, one) in residuals[first..].iter_mut().zip(of_batch) {
-                all.push(one);
+            for (of_twin, one) in all[first..].iter_mut().zip(of_batch) {
+                of_twin.push(one);
             }
         }
-        residuals
+        all
     }
 }
 

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::estimation::coordinate::{Coordinate, prior_square, square, subject_at};
 use crate::estimation::fit::{Effort, fit};
@@ -71,32 +72,42 @@ impl<'a> ExplainedFractions<'a> {
 /// *The estimation of prediction error: covariance penalties and cross-validation*). Hence draws about the fit with twice its covariance. Leaving
 /// out parts instead fails for an effect that acts in one moment: without that moment there is nothing to fit it to.
 fn expected_twins(problem: &Problem, model: &FittedModel, seed: u64) -> Vec<Estimates> {
-    let Some(cholesky) = model.spread.clone().cholesky() else { return vec![problem.simulate_all(&model.unit())] };
+    let Some(cholesky) = model.spread.clone().cholesky() else { return problem.simulate_all(&[model.unit()]) };
     let deviations = cholesky.l() * std::f64::consts::SQRT_2;
     let mut dice = ChaCha8Rng::seed_from_u64(seed);
     let draw = |_| {
         let normal = DVector::from_fn(deviations.nrows(), |_, _| -> f64 { StandardNormal.sample(&mut dice) });
-        problem.simulate_all(&drawn(problem, model, &deviations * &normal, 2.0 * normal.norm_squared()))
+        (&deviations * &normal, 2.0 * normal.norm_squared())
     };
-    (0..DRAWS).map(draw).collect()
+    problem.simulate_all(&drawn(problem, model, (0..DRAWS).map(draw).collect()))
 }
 
-/// The unit a step away from the fit, which should cost so much more; halved where it costs more than twice that, since the fit's covariance is that of a
-/// parabola.
-fn drawn(problem: &Problem, model: &FittedModel, mut step: DVector<f64>, mut expected_cost: f64) -> Unit {
+/// The units some steps away from the fit, each of which should cost so much more; a step is halved where it costs more than twice that, since the fit's
+/// covariance is that of a parabola.
+fn drawn(problem: &Problem, model: &FittedModel, mut steps: Vec<(DVector<f64>, f64)>) -> Vec<Unit> {
+    let mut units = vec![model.unit(); steps.len()];
+    let mut open: Vec<usize> = (0..steps.len()).collect();
     for _ in 0..HALVINGS {
-        let positions = moved(model, &step);
-        let unit = subject_at(&model.base, &model.free_parameters, &positions);
-        let residuals = problem.residuals_of(std::slice::from_ref(&unit));
-        let square: f64 = residuals.iter().map(square).sum();
-        let cost = square + prior_square(&model.free_parameters, &positions);
-        if cost - model.cost() <= 2.0 * expected_cost {
-            return unit;
-        }
-        step *= 0.5;
-        expected_cost *= 0.25;
+        let positions: Vec<Vec<f64>> = open.iter().map(|&k| moved(model, &steps[k].0)).collect();
+        let at = |positions: &Vec<f64>| subject_at(&model.base, &model.free_parameters, positions);
+        let tried: Vec<Unit> = positions.iter().map(at).collect();
+        let squares = problem.residuals_of(&tried).iter().map(square).collect::<Vec<f64>>();
+        let mut tried = tried.into_iter().zip(positions).zip(squares);
+        open.retain(|&k| {
+            let Some(((unit, positions), square)) = tried.next() else { return false };
+            let (step, expected_cost) = &mut steps[k];
+            let is_dear =
+                square + prior_square(&model.free_parameters, &positions) - model.cost() > 2.0 * *expected_cost;
+            if is_dear {
+                *step *= 0.5;
+                *expected_cost *= 0.25;
+            } else {
+                units[k] = unit;
+            }
+            is_dear
+        });
     }
-    model.unit()
+    units
 }
 
 /// Positions a step away from the fit, within their ranges.
@@ -123,13 +134,12 @@ pub struct Refitted {
 #[must_use]
 pub(crate) fn without_recordings(problem: &Problem, model: &FittedModel) -> Refitted {
     let count = problem.recordings.len();
-    let mut all = Refitted { estimates: Vec::with_capacity(count), costs: Vec::with_capacity(count) };
-    for left in 0..count {
+    let of = |left| {
         let unit = if count == 1 { model.unit() } else { refitted_without(problem, model, left) };
-        all.estimates.push(problem.simulate(&unit, left));
-        all.costs.push(square(&vec![problem.residuals(&unit, left)]));
-    }
-    all
+        (problem.simulate(&unit, left), problem.residuals(&unit, left).norm_squared())
+    };
+    let (estimates, costs) = (0..count).into_par_iter().map(of).unzip();
+    Refitted { estimates, costs }
 }
 
 fn refitted_without(problem: &Problem, model: &FittedModel, left: usize) -> Unit {

@@ -20,7 +20,8 @@ const LEAST_GAIN: f64 = 20.0;
 #[must_use]
 pub fn explained_fraction(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> Option<f64> {
     let problem = laid_for(laid_along(recordings, refitted), refitted, improved);
-    realised_fraction(&problem, &problem.simulate_all(refitted), &problem.simulate_all(improved))
+    let twins = problem.simulate_all(&[refitted.clone(), improved.clone()]);
+    realised_fraction(&problem, &twins[0], &twins[1])
 }
 
 /// Recordings with the noise along a refitted unit, and with their trips where it explains them best, as the diagnosis has them.
