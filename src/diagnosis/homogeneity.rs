@@ -20,6 +20,9 @@ const STRANGE_SHARES: (f64, f64) = (0.5, 0.15);
 /// Recordings of more are not tried in two halves: there are too many.
 const MOST_IN_HALVES: usize = 6;
 
+/// Models that are fitted to a half, those that promise most.
+const MOST_PROMISING: usize = 3;
+
 /// Share of the gap that a model may leave and still speak for one unit.
 const EXPLAINED: f64 = 0.3;
 
@@ -107,29 +110,38 @@ fn slopes(model: &FittedModel, recordings: &[usize]) -> Option<Vec<DMatrix<f64>>
 }
 
 /// The two halves, of two recordings at least, that fit best by themselves, each with one effect at most.
-fn halves(problem: &Problem, found: &Explored) -> Option<[Part; 2]> {
+fn halves<'a>(problem: &Problem, found: &'a Explored) -> Option<[Part; 2]> {
     let count = problem.recordings.len();
     if !(4..=MOST_IN_HALVES).contains(&count) {
         return None;
     }
-    let models: Vec<&FittedModel> =
+    let models: Vec<&'a FittedModel> =
         found.hypotheses.iter().filter(|one| one.effects.len() < 2).map(|one| &one.model).collect();
-    // To first order.
+    // To first order, the least first.
     let promised = |half: &[usize]| {
-        let of = |model: &&FittedModel| {
+        let of = |model: &&'a FittedModel| {
             let slopes = slopes(model, half)?;
             let residuals: Residuals = half.iter().map(|&k| model.fit.residuals[k].clone()).collect();
-            Some(Projection::new(&model.free_parameters, &model.fit.positions, &slopes, 1.0).cost(&residuals))
+            let projection = Projection::new(&model.free_parameters, &model.fit.positions, &slopes, 1.0);
+            Some((projection.cost(&residuals), *model))
         };
-        models.iter().filter_map(of).fold(f64::INFINITY, f64::min)
+        let mut promised: Vec<(f64, &FittedModel)> = models.iter().filter_map(of).collect();
+        promised.sort_by(|a, b| a.0.total_cmp(&b.0));
+        promised
     };
     let split = |places: u32| -> [Vec<usize>; 2] {
         [0, 1].map(|side| (0..count).filter(|k| places >> k & 1 == side).collect())
     };
     let all = (0..1_u32 << (count - 1)).map(split).filter(|halves| halves.iter().all(|half| half.len() > 1));
-    let cost = |halves: &[Vec<usize>; 2]| halves.iter().map(|half| promised(half)).sum::<f64>();
+    let least = |half: &Vec<usize>| promised(half).first().map_or(f64::INFINITY, |(cost, _)| *cost);
+    let cost = |halves: &[Vec<usize>; 2]| halves.iter().map(least).sum::<f64>();
     let [one, other] = all.map(|halves| (cost(&halves), halves)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
-    Some([fitted(problem, one, &models)?, fitted(problem, other, &models)?])
+    let best = |half: Vec<usize>| {
+        let models: Vec<&FittedModel> =
+            promised(&half).into_iter().take(MOST_PROMISING).map(|(_, model)| model).collect();
+        fitted(problem, half, &models)
+    };
+    Some([best(one)?, best(other)?])
 }
 
 /// The parameter that two parts see farthest apart, in its deviations.
