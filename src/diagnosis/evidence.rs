@@ -7,7 +7,6 @@
 
 pub mod distortion;
 pub mod law_error;
-pub mod parts;
 
 use std::sync::Arc;
 

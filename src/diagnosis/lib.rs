@@ -153,7 +153,6 @@ pub fn diagnose(
     }
     let numbers = Hyperparameters::shipped();
     let leading = leaders(&table, &numbers);
-    table.look_at_parts(&problem, &explored, &leading);
     table.look_for_distortions(&problem, &explored, &leading);
     let posterior = Posterior::new(&table, &numbers, &[]);
     let mut decision = Decision::new(&table, &posterior, &settings.catalogue);

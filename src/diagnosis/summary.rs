@@ -161,11 +161,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         ambiguous_pairs: ambiguous_pairs(explored, &settings.catalogue),
         detectable_sizes,
         breakdowns: breakdowns(problem, &refitted, &with_effects),
-        stage_tests: if judged.table.parts.is_empty() {
-            stages::tests(problem, &refitted_model.unit())
-        } else {
-            Vec::new()
-        },
+        stage_tests: stages::tests(problem, &refitted_model.unit()),
         discrepancy_terms: discrepancy_terms(problem, explored, chosen),
         transfers: transfers(problem, [&refitted_without, &chosen_without], chosen, settings.seed),
         tried: tried(explored, (&refitted_without, chosen, &chosen_without), problem, spread),

@@ -245,13 +245,7 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
             body.figure(svg(&pictures::breakdown(&breakdowns, signal, explained))?, caption);
         }
     }
-    if !diagnosis.table.parts.is_empty() {
-        body.table(
-            tables::parts(diagnosis),
-            "Parts of the chain, each driven by the recorded signal at its input and refitted within the tolerances. If χ² is 1 to 2 times the \
-             expected value, no unknown effect acts there. Terms of the oil supply explain a little of every error.",
-        );
-    } else if !diagnosis.stage_tests.is_empty() {
+    if !diagnosis.stage_tests.is_empty() {
         body.table(
             tables::stage_tests(diagnosis),
             "Stages of the recalibrated twin, each driven by the recorded signal at its input. Mean square over noise: 1 if only noise is left.",

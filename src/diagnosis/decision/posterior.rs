@@ -12,16 +12,15 @@ use std::collections::BTreeMap;
 
 use crate::decision::hyperparameters::Hyperparameters;
 use crate::evidence::distortion::Distortion;
-use crate::evidence::parts::PartFit;
 use crate::hypotheses::table::{EvidenceRow, EvidenceTable, StageEvidence};
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::SOUND_MEAN_SQUARE;
 use govtwin_model::effects::{Stage, find};
 
-/// Share of its probability that something unknown has evenly over all stages, whatever the evidence of their discrepancy terms.
+/// Share of its probability that something unknown has evenly over all stages, wherever the nearest effects act.
 const ANYWHERE: f64 = 0.05;
 
-/// Sets whose parts of the chain are looked at, at most, and their least share.
+/// Sets that are searched for distortions, at most, and their least share.
 const LEADERS: usize = 2;
 const LEAST_LEADER: f64 = 0.05;
 
@@ -80,7 +79,7 @@ impl Posterior {
         let unknown: f64 = all.iter().map(|one| one.share * one.unknown()).sum();
         let mut sets: Vec<(usize, f64)> = all.iter().map(|one| (one.row, one.share * (1.0 - one.unknown()))).collect();
         sets.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let stages = stages(table, numbers, &all);
+        let stages = stages(table, &all);
         Self {
             sets,
             unknown: stages.into_iter().map(|(stage, share)| (stage, share * unknown)).collect(),
@@ -186,23 +185,18 @@ fn left_out(table: &EvidenceTable, stage: &StageEvidence, row: &EvidenceRow) -> 
 
 /// Probability that something else is at work, beside a set or instead of it, where the set leaves so much.
 ///
-/// What it leaves beyond noise is held against what equations and the laws of its effects get wrong, of the whole chain and of each part of it on its
-/// own, since the loop hides what a cut shows; a sheet that is far off counts as well. A stage alone shows its equations as they are; whether something unknown
-/// acts there is left to what transducers account for.
+/// What it leaves beyond noise is held against what equations and the laws of its effects get wrong; a sheet that is far off counts as well. A stage
+/// alone shows its equations as they are; whether something unknown acts there is left to what transducers account for.
 fn unexplained(table: &EvidenceTable, numbers: &Hyperparameters, row: &EvidenceRow, gap: Gap) -> f64 {
     if table.stage_alone.is_some() {
         return 0.0;
     }
     let samples = table.samples.max(1.0);
-    let empty: Vec<f64> = table.parts.iter().map(PartFit::excess).collect();
-    let parts: &[f64] = if row.effects.is_empty() { &empty } else { &row.parts };
-    let of_parts = parts.iter().zip(&empty).map(|(left, empty)| (left - 1.0, (empty - left).max(0.0)));
-    let whole = (gap.left / samples - SOUND_MEAN_SQUARE, gap.explained / samples);
-    let beyond = |(left, explained): (f64, f64)| left / (numbers.equation_error + numbers.law_error * explained);
+    let wrong = numbers.equation_error + numbers.law_error * gap.explained / samples;
+    let left = (gap.left / samples - SOUND_MEAN_SQUARE) / wrong;
     // A sheet is stretched by whatever its parameters have to stand in for.
     let stretched = (row.prior_per_parameter - 1.0) / numbers.sheet_error;
-    let most = std::iter::once(whole).chain(of_parts).map(beyond).fold(stretched, f64::max);
-    let by_size = most.max(0.0).powf(1.0 / numbers.error_spread);
+    let by_size = left.max(stretched).max(0.0).powf(1.0 / numbers.error_spread);
     // What stands out somewhere needs no size: something rare may be at work, as rare as a further effect.
     let by_place = rare_distortion(table, row).map_or(1.0, distortion_odds);
     let odds = by_size + (by_size + (-numbers.rarity).exp()) * (by_place - 1.0);
@@ -224,8 +218,8 @@ fn distortion_odds(distortion: &Distortion) -> f64 {
     -1.0 / (std::f64::consts::E * p * p.ln())
 }
 
-/// Where something unknown acts, if it does: by what discrepancy terms at each stage gain, and by where the known effects act that come nearest to it.
-fn stages(table: &EvidenceTable, numbers: &Hyperparameters, sets: &[Weighed]) -> Vec<(String, f64)> {
+/// Where something unknown acts, if it does: where the known effects act that come nearest to it.
+fn stages(table: &EvidenceTable, sets: &[Weighed]) -> Vec<(String, f64)> {
     let mut near: BTreeMap<&str, f64> = BTreeMap::new();
     for one in sets {
         let effects = &table.rows[one.row].effects;
@@ -235,18 +229,12 @@ fn stages(table: &EvidenceTable, numbers: &Hyperparameters, sets: &[Weighed]) ->
     }
     let all = near.values().sum::<f64>().max(f64::MIN_POSITIVE);
     let evenly = ANYWHERE / Stage::ALL.len() as f64;
-    let score = |stage: &str| {
-        let share = near.get(stage).map_or(0.0, |near| near / all);
-        // A part of the chain that is cut out keeps an effect where it is, and tells more than the whole.
-        let gained: f64 = table.parts.iter().map(|part| part.gained_at(stage) / part.excess().max(1.0)).sum();
-        (evenly + (1.0 - ANYWHERE) * share).ln() + numbers.tempering * gained
-    };
-    let scores: Vec<f64> = Stage::ALL.iter().map(|stage| score(stage.id())).collect();
-    let total = log_sum(scores.iter().copied());
-    Stage::ALL.iter().zip(scores).map(|(stage, score)| (stage.id().to_owned(), (score - total).exp())).collect()
+    let weight = |stage: Stage| evenly + (1.0 - ANYWHERE) * near.get(stage.id()).map_or(0.0, |near| near / all);
+    let total: f64 = Stage::ALL.into_iter().map(weight).sum();
+    Stage::ALL.into_iter().map(|stage| (stage.id().to_owned(), weight(stage) / total)).collect()
 }
 
-/// Rows of the likeliest fault sets, whatever else is at work, likeliest first: those whose parts of the chain are worth a look.
+/// Rows of the likeliest fault sets, whatever else is at work, likeliest first: those whose distortions are worth a look.
 #[must_use]
 pub fn leaders(table: &EvidenceTable, numbers: &Hyperparameters) -> Vec<usize> {
     let mut all = weighed(table, numbers, &[]);

@@ -1,16 +1,13 @@
 //! The evidence table: what the recordings say of every fault set that was fitted, in numbers that a posterior needs and a report keeps.
 
-use std::collections::BTreeMap;
-
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
 use crate::evidence::distortion::Distortion;
-use crate::evidence::parts::{PartFit, excesses_of, parts};
 use crate::hypotheses::Explored;
-use crate::hypotheses::explorer::{Hypothesis, LAW_ERROR, is_stage_alone};
+use crate::hypotheses::explorer::{Hypothesis, LAW_ERROR};
 use crate::likelihood::problem::Problem;
-use govtwin_model::effects::{EffectSpec, Stage};
+use govtwin_model::effects::EffectSpec;
 use govtwin_model::stored::{all_unbounded, unbounded};
 
 /// What the recordings say of one fault set.
@@ -33,9 +30,6 @@ pub struct EvidenceRow {
     pub cost_without_each: Vec<f64>,
     /// Size of each effect, in typical ones.
     pub sizes: Vec<f64>,
-    /// What each part of the chain leaves on its own with these effects, over what a right model would; none where nobody looked.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub parts: Vec<f64>,
     /// The strongest distortion that it leaves; none where nobody looked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
@@ -68,11 +62,6 @@ pub struct EvidenceTable {
     pub pilot: bool,
     /// Fitted fault sets, likeliest first.
     pub rows: Vec<EvidenceRow>,
-    /// Logarithm of the evidence of something unknown at each stage, on the sheet alone.
-    pub unknown: BTreeMap<String, f64>,
-    /// Parts of the chain on their own, where recordings show them.
-    #[serde(default)]
-    pub parts: Vec<PartFit>,
     /// Of a servomotor stage alone, how it was judged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stage_alone: Option<StageEvidence>,
@@ -89,25 +78,7 @@ impl EvidenceTable {
                 row.cost = cost;
             }
         }
-        // The parts of the chain are of all recordings.
-        table.parts.clear();
-        table.rows.iter_mut().for_each(|row| row.parts.clear());
         table
-    }
-
-    /// Looks at the parts of the chain with the effects of these rows.
-    pub fn look_at_parts(&mut self, problem: &Problem, explored: &Explored, rows: &[usize]) {
-        if self.parts.is_empty() {
-            return;
-        }
-        let parts = std::mem::take(&mut self.parts);
-        for &row in rows {
-            let ids: Vec<&str> = self.rows[row].effects.iter().map(String::as_str).collect();
-            if let Some(model) = explored.with(&ids) {
-                self.rows[row].parts = excesses_of(problem, explored.refitted(), model, &parts);
-            }
-        }
-        self.parts = parts;
     }
 
     /// Looks for distortions in what these rows leave, where they were kept, and in what the sheet alone leaves.
@@ -129,8 +100,6 @@ impl EvidenceTable {
     /// The table of what was explored.
     #[must_use]
     pub fn new(problem: &Problem, explored: &Explored, catalogue: &[&'static EffectSpec]) -> Self {
-        // Of a stage alone the discrepancy terms know too much; nothing unknown is weighed there.
-        let alone = is_stage_alone(problem);
         let row = |hypothesis: &Hypothesis| {
             let model = &hypothesis.model;
             let first =
@@ -148,15 +117,9 @@ impl EvidenceTable {
                 prior_per_parameter: model.prior_per_parameter(),
                 cost_without_each: hypothesis.normal.cost_without_each(),
                 sizes: sizes.collect(),
-                parts: Vec::new(),
                 distortion: None,
                 left_out_square: None,
             }
-        };
-        let unknown = |hypothesis: Option<&Hypothesis>| {
-            let hypothesis = hypothesis.filter(|_| !alone);
-            let of = |stage: Stage| Some((stage.id().to_owned(), hypothesis?.normal.unknown_at(stage)));
-            Stage::ALL.into_iter().filter_map(of).filter(|(_, evidence)| evidence.is_finite()).collect()
         };
         let samples = problem.independent_samples();
         let pilot = govtwin_model::signal::Signal::PilotValvePosition;
@@ -166,8 +129,6 @@ impl EvidenceTable {
             assumed_sheet: false,
             pilot: problem.recordings.iter().any(|recording| recording.has[pilot as usize]),
             rows: explored.hypotheses.par_iter().map(row).collect(),
-            unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
-            parts: if alone { Vec::new() } else { parts(problem, explored.refitted()) },
             stage_alone: None,
         }
     }

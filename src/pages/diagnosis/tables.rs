@@ -86,19 +86,6 @@ pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
     table
 }
 
-/// Parts of the chain, each refitted on its own.
-pub fn parts(diagnosis: &Diagnosis) -> Table {
-    let mut table =
-        Table::new().words("part").numbers("χ² over expected").words("a discrepancy term gains most in the");
-    for one in &diagnosis.table.parts {
-        let most = one.likeliest().map_or_else(String::new, |(stage, gained)| {
-            format!("{} ({} nats)", govtwin_diagnosis::words::stage_title(stage), significant(gained, 2))
-        });
-        table.row([one.part.words().to_owned(), significant(one.excess(), 2), most]);
-    }
-    table
-}
-
 /// Places of free terms.
 pub fn discrepancy_terms(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new().words("signal").words("stage").numbers("would explain");

@@ -1,7 +1,6 @@
 //! A made-up diagnosis on paper, with names that would break a careless page.
 
 use super::{page, summary};
-use govtwin_diagnosis::evidence::parts::{Part, PartFit};
 use govtwin_diagnosis::hypotheses::table::EvidenceTable;
 use govtwin_diagnosis::model::discrepancy::Curve;
 use govtwin_diagnosis::result::{
@@ -267,16 +266,11 @@ fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
     let nearest = "Nearest in the catalogue: servo_friction and load. It leaves more than a right one; servomotor.load_closed_n is 6.0 tolerances off.";
     diagnosis.notes.push(nearest.into());
     diagnosis.notes.push("oil.bulk_modulus_pa was fitted to the end of its range.".into());
-    // The remaining error of a part of the chain on its own.
-    let unknown = [("servomotor".to_owned(), 185.0)].into();
-    diagnosis.table.parts =
-        vec![PartFit { part: Part::Servomotor, cost: 9e3, samples: 8e2, sound: 0.92, evidence: 0.0, unknown }];
     let page = page_of(&diagnosis);
     assert!(page.contains("<p>Nearest in the catalogue: servo friction and load. It leaves"));
     assert!(
         page.contains("; servomotor load closed is 6.0 tolerances") && page.contains(">oil bulk modulus was fitted")
     );
-    assert!(page.contains("main ports and servomotor (185 nats)"));
 }
 
 #[test]
