@@ -112,8 +112,10 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited | Verdict::NoSuchUnit);
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
-    let nearest = if has_gap { judged.nearest() } else { chosen };
-    let explained = if std::ptr::eq(nearest, chosen) { whole } else { fractions.of(nearest) };
+    // What explains nothing comes near nothing.
+    let nearest = has_gap.then(|| judged.nearest()).filter(|nearest| !std::ptr::eq(*nearest, chosen));
+    let nearest = nearest.map(|model| (model, fractions.of(model))).filter(|(_, explained)| explained.value > 0.0);
+    let (nearest, explained) = nearest.unwrap_or((chosen, whole));
     let mut blamed = blames(&judged, (chosen, whole), verdict);
     if verdict == Verdict::Named {
         share_out(whole.value, &mut blamed);
