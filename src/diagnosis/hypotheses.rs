@@ -31,6 +31,9 @@ const TAKEN: [usize; MOST] = [5, 6, 3];
 /// The same at the leader, where all sets resemble it.
 const TAKEN_AT_LEADER: usize = 6;
 
+/// Prior χ² per parameter from which a leader's sheet is stretched: twice what tolerances mean.
+const STRETCHED: f64 = 2.0;
+
 /// Sets behind the leader that are tried without each of their effects, each time.
 const RUNNERS_UP: usize = 2;
 
@@ -234,24 +237,13 @@ impl<'a> Exploration<'a> {
                 break;
             }
             progress("weighing all sets anew at the likeliest", 0.6 + 0.1 * round as f64);
-            let picture = explorer.picture(&leader.model, &explorer.profiles(&leader.model), &discrepancy);
-            let mut proposals = picture.proposals(MOST - leader.effects.len());
-            let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
-            let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);
-            proposals.sort_by(|a, b| odds(b).total_cmp(&odds(a)));
+            // A sheet that is stretched stands in for an effect, which shows where the sheet stands as it was delivered.
+            let unstretched =
+                (leader.model.prior_per_parameter() > STRETCHED).then(|| leader.model.unstretched(explorer.problem));
             let mut jobs: Vec<(&FittedModel, Proposal)> = Vec::new();
-            for proposal in proposals {
-                let effects: Vec<usize> =
-                    explorer.members(&leader.model, &proposal).into_iter().map(|(effect, _)| effect).collect();
-                if effects.is_empty() || effects.len() > MOST {
-                    continue;
-                }
-                let refined = known.fitted.get(&effects).is_some_and(|known| known.refined);
-                let idle =
-                    proposal.removed.is_empty() && proposal.log_evidence < LEAST_GAIN * proposal.effects.len() as f64;
-                if !refined && !idle && jobs.len() < TAKEN_AT_LEADER {
-                    jobs.push((&leader.model, proposal));
-                }
+            for point in std::iter::once(&leader.model).chain(&unstretched) {
+                let proposals = proposals_at(&explorer, &known, point, &discrepancy);
+                jobs.extend(proposals.into_iter().map(|proposal| (point, proposal)));
             }
             jobs.extend(explorer.narrowed(&leader.model, sheet));
             let runners_up: Vec<Hypothesis> = known
@@ -279,6 +271,27 @@ impl<'a> Exploration<'a> {
         hypotheses.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
         Explored { hypotheses, discrepancy, linearisation, shared: OnceLock::new() }
     }
+}
+
+/// The sets that are likeliest by the linear picture at a leader, if they were not yet fitted with care.
+fn proposals_at(
+    explorer: &Explorer<'_>,
+    known: &KnownSets,
+    leader: &FittedModel,
+    discrepancy: &Columns,
+) -> Vec<Proposal> {
+    let picture = explorer.picture(leader, &explorer.profiles(leader), discrepancy);
+    let mut proposals = picture.proposals(MOST - leader.effects.len());
+    let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
+    let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);
+    proposals.sort_by(|a, b| odds(b).total_cmp(&odds(a)));
+    let is_worth_it = |proposal: &Proposal| {
+        let effects: Vec<usize> = explorer.members(leader, proposal).into_iter().map(|(effect, _)| effect).collect();
+        let is_refined = known.fitted.get(&effects).is_some_and(|known| known.refined);
+        let is_idle = proposal.removed.is_empty() && proposal.log_evidence < LEAST_GAIN * proposal.effects.len() as f64;
+        (1..=MOST).contains(&effects.len()) && !is_refined && !is_idle
+    };
+    proposals.into_iter().filter(is_worth_it).take(TAKEN_AT_LEADER).collect()
 }
 
 /// Explores the fault sets of a catalogue to the end.

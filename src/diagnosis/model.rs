@@ -7,7 +7,7 @@ pub(crate) mod support;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::estimation::coordinate::{prior_square, square, subject_at};
+use crate::estimation::coordinate::{Coordinate, prior_square, square, subject_at};
 use crate::estimation::fit::{Effort, Fit, Start, pictured};
 use crate::estimation::linear::normal;
 use crate::identification::free_parameter::FreeParameter;
@@ -42,11 +42,25 @@ impl FittedModel {
     /// The unit without effects of ours, as the sheet has it, unfitted.
     #[must_use]
     pub fn sheet(problem: &Problem, unit: &Unit, free_parameters: &[FreeParameter]) -> Self {
-        let positions: Vec<f64> = free_parameters.iter().map(|free_parameter| free_parameter.start(unit)).collect();
-        let (residuals, slopes) = pictured(problem, unit, free_parameters, &positions);
-        let prior = prior_square(free_parameters, &positions);
+        let positions = free_parameters.iter().map(|free_parameter| free_parameter.start(unit)).collect();
+        Self::unfitted(problem, Vec::new(), (unit.clone(), free_parameters.to_vec(), positions))
+    }
+
+    /// The effects as they stand on the sheet as it was delivered, unfitted.
+    #[must_use]
+    pub(crate) fn unstretched(&self, problem: &Problem) -> Self {
+        let (base, free_parameters, mut positions) = self.placed();
+        let priors = free_parameters.iter().map(Coordinate::prior_centre);
+        positions.iter_mut().zip(priors).for_each(|(position, prior)| *position = prior.unwrap_or(*position));
+        Self::unfitted(problem, self.effects.clone(), (base, free_parameters, positions))
+    }
+
+    fn unfitted(problem: &Problem, effects: Vec<&'static EffectSpec>, placed: Placed) -> Self {
+        let (base, free_parameters, positions) = placed;
+        let (residuals, slopes) = pictured(problem, &base, &free_parameters, &positions);
+        let prior = prior_square(&free_parameters, &positions);
         let fit = Fit { square: square(&residuals), prior, positions, residuals, slopes };
-        Self::new(Vec::new(), unit.clone(), free_parameters.to_vec(), fit)
+        Self::new(effects, base, free_parameters, fit)
     }
 
     /// Gives up residuals and slopes, which are nearly all of its memory.
