@@ -8,7 +8,6 @@ how many, OUTAGES those of the link, s. Exits 0 when everything was as it should
 
 import json
 import os
-import subprocess
 import sys
 import time
 
@@ -19,7 +18,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 import types_ros as ros
 from faults import Node, Watch
-from relay import Network
+from relay import Network, is_possible
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 # Name, what the network does, how long; the state's rate that is wanted then, Hz, of 100.
@@ -70,8 +69,7 @@ def across(watch, seconds):
 
 def link(binary, folder):
     """Loss, delay, reordering and outages between node and peer."""
-    if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
-        print("skipped: needs root and /dev/net/tun")
+    if not is_possible():
         return
     network = Network("gtn")
     figures = os.path.join(folder, "link.json")
@@ -145,17 +143,12 @@ def call_together():
 
 def callers(binary, folder):
     """Clients of one service in one process of Cyclone DDS, while 10 % of the packets are lost: each call is answered."""
-    if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
-        print("skipped: needs root and /dev/net/tun")
+    if not is_possible():
         return
     network = Network("gtc")
     node = Remote(network.sides[0], binary, os.path.join(folder, "callers.txt"))
     try:
-        peer = subprocess.Popen(network.sides[1].command(sys.executable, os.path.abspath(__file__), "call_together"), stdin=subprocess.PIPE,
-                                stdout=subprocess.PIPE, cwd=HERE, text=True)
-        peer.stdout.readline()
-        network.set(loss=0.1)
-        said = json.loads(peer.communicate("go\n", timeout=600)[0].splitlines()[-1])
+        said = network.losing(0.1, __file__, "call_together")
         check("each call is answered", said["unanswered"] == 0, f"({said})")
     finally:
         network.set()
@@ -165,8 +158,7 @@ def callers(binary, folder):
 
 def unicast(binary, folder):
     """Where no multicast passes: a node that names its peer by ROS_STATIC_PEERS is found, and one that names nobody is not."""
-    if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
-        print("skipped: needs root and /dev/net/tun")
+    if not is_possible():
         return
     # As rmw_cyclonedds has it beside static peers: a participant at the port of its index, where a list of hosts can reach it.
     os.environ["CYCLONEDDS_URI"] = (
