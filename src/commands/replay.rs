@@ -131,7 +131,7 @@ state on /sim/servo_state next to the recorded topics.
 Examples:
   govtwin replay bags/reference --out look
   govtwin replay bags/practice/case_03 --then diagnosis/case_03/fitted.yaml    # after `diagnose`
-  govtwin replay bags/reference --require 'servomotor.rmse<=0.3%' --require 'load_rejection.servomotor.max<=4%'
+  govtwin replay bags/reference --require 'servomotor.rmse<=0.6%' --require 'load_rejection.servomotor.max<=7%'
   govtwin replay nightly --against approved/replay.json --worse-by 10% --junit replay.xml --out look
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings, 4 a limit is broken.";

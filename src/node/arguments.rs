@@ -5,6 +5,8 @@ use std::fmt;
 
 use ros2args::{LogLevel, ParamAssignment, Ros2Args, Ros2ArgsError, build_node_fqn, expand_topic_name};
 
+use govtwin_model::params::nearest;
+
 /// A value given for a parameter before start.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ParameterOverride {
@@ -115,8 +117,7 @@ impl Arguments {
     pub fn idle_remappings(&self, opened: &BTreeSet<String>) -> Vec<String> {
         let idle = self.rules.iter().filter(|(from, _)| !opened.contains(from));
         let words = |(from, to): &(String, String)| {
-            let hint = nearest(from, opened.iter()).map(|name| format!("; did you mean `{name}`?")).unwrap_or_default();
-            format!("-r {from}:={to} matches no topic or service of this node{hint}")
+            format!("-r {from}:={to} matches no topic or service of this node{}", hint(from, opened))
         };
         idle.map(words).collect()
     }
@@ -140,9 +141,10 @@ impl Arguments {
     }
 }
 
-/// The name among `names` that is most like `name`.
-pub fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a String>) -> Option<&'a String> {
-    names.max_by(|a, b| strsim::jaro_winkler(a, name).total_cmp(&strsim::jaro_winkler(b, name)))
+/// Which of the `known` names may be meant by `name`, in words behind others; empty where none is near.
+pub(super) fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a String>) -> String {
+    let near = nearest(name, known.into_iter().map(String::as_str));
+    near.map(|near| format!("; did you mean `{near}`?")).unwrap_or_default()
 }
 
 /// Adds an assignment that is for this node; maps inside become dotted names.

@@ -148,9 +148,7 @@ impl<'a> Commanders<'a> {
     pub(super) fn introduce(&self, sender: Gid) -> Option<String> {
         let mut told = self.told.borrow_mut();
         (told.len() < MOST_REMEMBERED && told.insert(sender)).then(|| {
-            let id = sender.to_bytes16();
-            let nodes = self.nodes_of(sender);
-            let id = id.map(|byte| format!("{byte:02x}")).join(".");
+            let (nodes, id) = (self.nodes_of(sender), hexadecimal(sender));
             if nodes.is_empty() {
                 format!("a program outside the graph of ROS ({id})")
             } else {
@@ -191,6 +189,11 @@ impl<'a> Commanders<'a> {
         let own = all.iter().find(|node| node.writers.contains(&sender));
         own.map_or_else(|| all.iter().map(ListedNode::full_name).collect(), |own| vec![own.full_name()])
     }
+}
+
+/// An id as ROS 2 shows it.
+pub(super) fn hexadecimal(id: Gid) -> String {
+    id.to_bytes16().map(|byte| format!("{byte:02x}")).join(".")
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use super::bus::Bus;
 use super::offer::Describer;
 use super::realtime::Until;
 use super::services::CYCLONE;
+use super::transport::Participant;
 use govtwin_bag::msg::definition::{DefinitionError, closure_with, schema_with, text_of};
 use govtwin_bag::msg::type_hash::{hash_of, texts_of};
 use govtwin_bag::msg::upkeep::{GetTypeDescription, TypeRequest, TypeResponse};
@@ -66,7 +67,7 @@ impl Definitions {
         &mut self,
         type_name: &str,
         hash: &str,
-        process: Option<[u8; 12]>,
+        process: Option<Participant>,
         bus: &mut Bus,
     ) -> Option<KnownDefinition> {
         let wanted = (type_name.to_owned(), hash.to_owned());
@@ -132,7 +133,7 @@ impl Definitions {
     }
 
     /// Asks whoever may know, as long as there is hope; whether there is.
-    fn ask(&mut self, wanted: &Wanted, process: Option<[u8; 12]>, bus: &mut Bus) -> bool {
+    fn ask(&mut self, wanted: &Wanted, process: Option<Participant>, bus: &mut Bus) -> bool {
         if !self.asked.contains_key(wanted) {
             let mut describers: Vec<Describer> = bus.describers();
             // The publisher's own process first.

@@ -120,15 +120,12 @@ pub fn compile(
         ];
         values.extend(age_ns.map(|age_ns| ("age [s]", seconds_text(age_ns))));
         values.extend(Refusal::ALL.iter().map(|&refusal| (refusal.words(), counts.refused(refusal).to_string())));
+        let told = health.of(input).unwrap_or((0, "heard"));
         let (level, message) = match (age_ns, counts.all_refused().saturating_sub(reported.all_refused())) {
             (Some(age_ns), _) if is_stale(input, age_ns) => (2, format!("silent for {} s", seconds_text(age_ns))),
-            _ if health.of(input).is_some_and(|(level, _)| level > 1) => {
-                health.of(input).map_or((0, String::new()), |(level, words)| (level, words.to_owned()))
-            }
+            _ if told.0 > 1 => (told.0, told.1.to_owned()),
             (_, refused @ 1..) => (1, format!("samples refused since the last report: {refused}")),
-            (Some(_), 0) => {
-                health.of(input).map_or((0, "heard".to_owned()), |(level, words)| (level, words.to_owned()))
-            }
+            (Some(_), 0) => (told.0, told.1.to_owned()),
             (None, 0) if !policies.rules[input as usize].required => {
                 (0, "nothing heard; its default is taken".to_owned())
             }

@@ -83,11 +83,6 @@ impl Subscriptions {
         let time = settings.pace().time;
         let services =
             (ParameterServices::open(bus)?, UpkeepServices::open(bus)?, SimulationServices::open(bus, time)?);
-        // What a step waits for must be sent again where it is lost, and so must what belongs to a time of the clock.
-        let is_awaited = |input: NodeInput| settings.use_sim_time || settings.step_inputs[input as usize];
-        let [command, esv, tank_pressure, load] =
-            [NodeInput::Command, NodeInput::Esv, NodeInput::TankPressure, NodeInput::Load]
-                .map(|input| (input.topic(), is_awaited(input)));
         Ok(Self {
             services,
             action: StepsAction::open(bus, time)?,
@@ -95,12 +90,12 @@ impl Subscriptions {
                 None
             } else {
                 Some(NativeInputs {
-                    command: Input::open(bus, command.0, command.1)?,
-                    esv: Input::open(bus, esv.0, esv.1)?,
-                    tank_pressure: Input::open(bus, tank_pressure.0, tank_pressure.1)?,
+                    command: Input::open(bus, NodeInput::Command, settings)?,
+                    esv: Input::open(bus, NodeInput::Esv, settings)?,
+                    tank_pressure: Input::open(bus, NodeInput::TankPressure, settings)?,
                 })
             },
-            joint_commands: Input::open(bus, load.0, load.1)?,
+            joint_commands: Input::open(bus, NodeInput::Load, settings)?,
             measured: if adapts && !is_mapped { Some(bus.subscribe(MEASURED)?) } else { None },
             clock: if settings.use_sim_time { Some(bus.subscribe_with("/clock", qos::followed())?) } else { None },
             parameter_events: bus.parameter_events()?,

@@ -5,13 +5,16 @@ use rustdds::discovery::{DiscoveredReaderData, DiscoveredWriterData};
 use rustdds::policy::{Durability, Liveliness, Reliability};
 use rustdds::{Duration, QosPolicies};
 
+use super::arguments::hint;
+use super::transport::{Participant, participant_of};
+
 /// A publisher of another node.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Offer {
     /// Its id.
     pub(super) sender: Gid,
     /// The part of the id that its whole process shares.
-    pub(super) process: [u8; 12],
+    pub(super) process: Participant,
     /// Full name of the topic.
     pub(super) topic: String,
     /// `package/msg/Type`.
@@ -31,11 +34,11 @@ impl Offer {
         let qos = data.qos();
         Some(Self {
             sender: Gid::from(data.key),
-            process: process_of(&data.key.to_bytes()),
+            process: participant_of(data.key),
             topic: data.topic_name.strip_prefix("rt")?.to_owned(),
             type_name: ros_type(&data.type_name),
             type_hash: type_hash(&writer.user_data).unwrap_or_default(),
-            is_latched: qos.durability().is_some_and(|durability| durability >= Durability::TransientLocal),
+            is_latched: is_latched(&qos),
             profile: profile(&qos),
         })
     }
@@ -59,7 +62,7 @@ pub(super) struct Describer {
     /// Full name of the service.
     pub(super) service: String,
     /// The part of an id that its whole process shares; the first two bytes name the maker of its DDS.
-    pub(super) process: [u8; 12],
+    pub(super) process: Participant,
 }
 
 impl Describer {
@@ -69,7 +72,7 @@ impl Describer {
         let service = data.topic_name().strip_prefix("rq")?.strip_suffix("Request")?;
         service
             .ends_with("/get_type_description")
-            .then(|| Self { service: service.to_owned(), process: process_of(&data.key().to_bytes()) })
+            .then(|| Self { service: service.to_owned(), process: participant_of(data.key()) })
     }
 }
 
@@ -88,10 +91,13 @@ pub(super) fn dds_type(ros_name: &str) -> String {
     }
 }
 
-fn process_of(id: &[u8; 16]) -> [u8; 12] {
-    let mut process = [0; 12];
-    process.copy_from_slice(&id[..12]);
-    process
+/// What is said of a topic that nobody publishes.
+pub(super) fn silence(topic: &str, offers: &[Offer]) -> String {
+    format!("{topic}: nobody publishes it so far{}", hint(topic, offers.iter().map(|offer| &offer.topic)))
+}
+
+fn is_latched(qos: &QosPolicies) -> bool {
+    qos.durability().is_some_and(|durability| durability >= Durability::TransientLocal)
 }
 
 /// The hash in what a publisher says of itself, `typehash=RIHS01_…;` among other things.
@@ -116,8 +122,7 @@ fn profile(qos: &QosPolicies) -> String {
         Some(Reliability::BestEffort) => "best_effort",
         _ => "reliable",
     };
-    let is_latched = qos.durability().is_some_and(|durability| durability >= Durability::TransientLocal);
-    let durability = if is_latched { "transient_local" } else { "volatile" };
+    let durability = if is_latched(qos) { "transient_local" } else { "volatile" };
     let (kind, lease) = match qos.liveliness() {
         Some(Liveliness::ManualByTopic { lease_duration }) => ("manual_by_topic", Some(lease_duration)),
         Some(Liveliness::Automatic { lease_duration } | Liveliness::ManualByParticipant { lease_duration }) => {

@@ -7,7 +7,7 @@ use ros2_client::parameters::{ParameterValue, raw};
 use domain::Domain;
 pub use domain::words_of;
 
-use super::arguments::ParameterOverride;
+use super::arguments::{ParameterOverride, hint};
 use super::policy::{NodeInput, OnStale};
 use super::settings::{InputSettings, NodeSettings};
 use govtwin_model::effects::{CATALOGUE, EffectParameter, EffectSpec, own};
@@ -347,10 +347,7 @@ impl ParameterStore {
     }
 
     fn unknown(&self, name: &str) -> String {
-        let near = |entry: &&NodeParameter| strsim::jaro_winkler(&entry.name, name);
-        let nearest = self.entries.iter().max_by(|a, b| near(a).total_cmp(&near(b)));
-        let hint = nearest.map(|entry| format!("; did you mean `{}`?", entry.name)).unwrap_or_default();
-        format!("there is no parameter `{name}`{hint}")
+        format!("there is no parameter `{name}`{}", hint(name, self.entries.iter().map(|entry| &entry.name)))
     }
 }
 

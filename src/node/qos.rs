@@ -5,7 +5,7 @@ use std::time::Duration;
 use ros2_client::QosProfile;
 use ros2_client::qos::{Durability, History, Liveliness, Reliability, WhenFull};
 
-use super::arguments::{ParameterOverride, nearest};
+use super::arguments::{ParameterOverride, hint};
 
 /// Prefix of the parameters that change a quality of service.
 pub const PREFIX: &str = "qos_overrides.";
@@ -193,10 +193,9 @@ pub fn idle(parameters: &[(String, ParameterOverride)], places: &[String]) -> Ve
     let at = |name: &str, place: &String| name.strip_prefix(place.as_str()).is_some_and(|rest| rest.starts_with('.'));
     let idle = overrides.filter(|name| !places.iter().any(|place| at(name, place)));
     let words = |name: &str| {
-        let hint = nearest(name, places.iter())
-            .map(|place| format!("; did you mean `{PREFIX}{place}.…`?"))
-            .unwrap_or_default();
-        format!("-p {PREFIX}{name} is for no topic of this node in that role{hint}")
+        let known: Vec<String> = places.iter().map(|place| format!("{PREFIX}{place}.…")).collect();
+        let given = format!("{PREFIX}{name}");
+        format!("-p {given} is for no topic of this node in that role{}", hint(&given, &known))
     };
     idle.map(words).collect()
 }

@@ -8,11 +8,10 @@ use std::time::Duration;
 
 use ros2_client::Gid;
 
-use super::arguments::nearest;
 use super::bus::{Bus, BusError};
 use super::definitions::Definitions;
 use super::intake::Numbering;
-use super::offer::Offer;
+use super::offer::{Offer, silence};
 use super::qos::{latched, recorded};
 use super::realtime::{Until, pause};
 use super::tap::{Tap, TappedSample};
@@ -263,14 +262,11 @@ impl RecordingSession<'_> {
                 }
             }
         }
-        let names: Vec<String> = offers.iter().map(|offer| offer.topic.clone()).collect();
         for tape in &mut self.tapes {
             let here: Vec<&Offer> = offers.iter().filter(|offer| offer.topic == tape.name).collect();
             if here.is_empty() {
                 if is_late && tape.tap.is_none() && !std::mem::replace(&mut tape.said_silent, true) {
-                    let near = nearest(&tape.name, names.iter());
-                    let near = near.map(|near| format!("; did you mean `{near}`?")).unwrap_or_default();
-                    (self.tell)(&format!("{}: nobody publishes it so far{near}", tape.name));
+                    (self.tell)(&silence(&tape.name, &offers));
                 }
                 continue;
             }

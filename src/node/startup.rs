@@ -13,7 +13,7 @@ use super::transport;
 use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, TwinStatus};
 
 /// Type and unit of each input.
-const INPUTS: [(&str, &str); NodeInput::COUNT] = [
+pub(super) const INPUTS: [(&str, &str); NodeInput::COUNT] = [
     (GovernorCommand::TYPE_NAME, "pu"),
     (EsvState::TYPE_NAME, "0 shutdown, 1 normal"),
     (FluidPressure::TYPE_NAME, "Pa gauge"),

@@ -98,7 +98,7 @@ def whole(samples):
 
 
 class Bench:
-    """A peer. One at a time in a process: what a writer leaves out for one reader Cyclone DDS leaves out for all of the process that have not got it."""
+    """A peer."""
 
     def __init__(self):
         # No function here knows the bench itself: it goes with the last name for it, and its participant with it.

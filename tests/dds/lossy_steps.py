@@ -8,19 +8,17 @@ nothing could be tried.
 
 import json
 import os
-import subprocess
 import sys
 import time
 
 from bench import check, matched, wait_for, whole, FAILED, stamp_ns
-from relay import Network
+from relay import Network, is_possible
 import types_ros as ros
 
 LOSS = float(os.environ.get("LOSS", "0.05"))
 RUNS = int(os.environ.get("RUNS", "10"))
 STEPS = int(os.environ.get("STEPS", "150"))
 NAMED = ("--step-waits-for", "command", "esv", "tank_pressure", "--step-timeout", "5")
-HERE = os.path.dirname(os.path.abspath(__file__))
 TICKS = 10
 
 
@@ -63,12 +61,7 @@ def run(binary, folder, number, options):
     network = Network("gtl", seed=number)
     node = Remote(network.sides[0], binary, os.path.join(folder, f"lossy_{number}.txt"), "--paused", "--publish-clock", *options)
     try:
-        peer = subprocess.Popen(network.sides[1].command(sys.executable, os.path.abspath(__file__), "drive"), stdin=subprocess.PIPE,
-                                stdout=subprocess.PIPE, cwd=HERE, text=True)
-        peer.stdout.readline()
-        network.set(loss=LOSS)
-        output, _ = peer.communicate("go\n", timeout=600)
-        return json.loads(output.splitlines()[-1])
+        return network.losing(LOSS, __file__, "drive")
     finally:
         network.set()
         check("the node ends in order", node.end())
@@ -76,9 +69,8 @@ def run(binary, folder, number, options):
 
 
 def main():
-    if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
-        print("skipped: needs root and /dev/net/tun")
-        return 0
+    if not is_possible():
+        return 77
     options = NAMED if os.environ.get("NAMED", "1") == "1" else ()
     runs = [run(sys.argv[1], sys.argv[2], number, options) for number in range(RUNS)]
     refused = [one for one in runs if "refused" in one]

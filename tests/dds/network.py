@@ -2,8 +2,8 @@
 """A running `govtwin run` on a bad network, with peers that come and go, and over some minutes.
 
 Usage: network.py GOVTWIN FOLDER   (needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain; logs go to FOLDER)
-CASES picks among: link unicast churn soak units together; `link` and `unicast` need root. SOAK_S, CHURN_S and UNITS_S are lengths, UNITS how many, OUTAGES those of the link, s. Exits 0 when everything was as it
-should be, 1 otherwise, 77 where nothing could be tried.
+CASES picks among: link callers unicast churn soak units together; the first three need root. SOAK_S, CHURN_S and UNITS_S are lengths, UNITS and CALLS
+how many, OUTAGES those of the link, s. Exits 0 when everything was as it should be, 1 otherwise, 77 where nothing could be tried.
 """
 
 import json
@@ -18,7 +18,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 import types_ros as ros
 from faults import Node, Watch
-from relay import Network
+from relay import Network, is_possible
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 # Name, what the network does, how long; the state's rate that is wanted then, Hz, of 100.
@@ -69,8 +69,7 @@ def across(watch, seconds):
 
 def link(binary, folder):
     """Loss, delay, reordering and outages between node and peer."""
-    if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
-        print("skipped: needs root and /dev/net/tun")
+    if not is_possible():
         return
     network = Network("gtn")
     figures = os.path.join(folder, "link.json")
@@ -119,10 +118,47 @@ def link(binary, folder):
     check("what was lost is counted", lost > 100, f"({lost} commands; the relay lost {network.lost} of {network.lost + network.passed} packets)")
 
 
+def call_together():
+    """Three clients of one service in this process, two of them of one participant, call at a time; prints how many calls have no answer."""
+    participants = [DomainParticipant(DOMAIN) for _ in range(2)]
+    clients = []
+    for participant in (participants[0], *participants):
+        request = DataWriter(participant, Topic(participant, "rq/govtwin/get_parametersRequest", ros.GetParametersRequest), qos=RELIABLE)
+        clients.append((request, DataReader(participant, Topic(participant, "rr/govtwin/get_parametersReply", ros.GetParametersResponse), qos=RELIABLE)))
+    wait_for(lambda: all(matched(end) for client in clients for end in client), 30)
+    print("ready", flush=True)
+    sys.stdin.readline()
+    unanswered, took = 0, []
+    for number in range(int(os.environ.get("CALLS", "200"))):
+        begin, waits = time.monotonic(), set(range(len(clients)))
+        for caller, (request, _) in enumerate(clients):
+            request.write(ros.GetParametersRequest(caller, number, ["rate"]))
+        while waits and time.monotonic() < begin + 5:
+            waits -= {caller for caller in waits for sample in whole(clients[caller][1].take(20)) if (sample.caller, sample.number) == (caller, number)}
+            time.sleep(0.0005)
+        unanswered += len(waits)
+        took.append(time.monotonic() - begin)
+    print(json.dumps({"calls": len(took) * len(clients), "unanswered": unanswered, "slowest_s": max(took)}))
+
+
+def callers(binary, folder):
+    """Clients of one service in one process of Cyclone DDS, while 10 % of the packets are lost: each call is answered."""
+    if not is_possible():
+        return
+    network = Network("gtc")
+    node = Remote(network.sides[0], binary, os.path.join(folder, "callers.txt"))
+    try:
+        said = network.losing(0.1, __file__, "call_together")
+        check("each call is answered", said["unanswered"] == 0, f"({said})")
+    finally:
+        network.set()
+        check("the node ends in order", node.end())
+        network.close()
+
+
 def unicast(binary, folder):
     """Where no multicast passes: a node that names its peer by ROS_STATIC_PEERS is found, and one that names nobody is not."""
-    if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
-        print("skipped: needs root and /dev/net/tun")
+    if not is_possible():
         return
     # As rmw_cyclonedds has it beside static peers: a participant at the port of its index, where a list of hosts can reach it.
     os.environ["CYCLONEDDS_URI"] = (
@@ -294,7 +330,7 @@ def drive_units(nodes, count, loops_of):
 
 def main():
     binary, folder = sys.argv[1], sys.argv[2]
-    cases = {"link": link, "unicast": unicast, "churn": churn, "soak": soak, "units": units, "together": together}
+    cases = {"link": link, "callers": callers, "unicast": unicast, "churn": churn, "soak": soak, "units": units, "together": together}
     for name in os.environ.get("CASES", " ".join(cases)).split():
         print(f"-- {name}: {cases[name].__doc__}")
         cases[name](binary, folder)
@@ -303,4 +339,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    call_together() if sys.argv[1:] == ["call_together"] else main()

@@ -5,16 +5,26 @@ Needs root and /dev/net/tun. Packets of layer 3 go from one namespace through th
 
 import fcntl
 import heapq
+import json
 import os
 import random
 import select
 import struct
 import subprocess
+import sys
 import threading
 import time
 
 TUNSETIFF = 0x400454CA
 IFF_TUN, IFF_NO_PI = 0x0001, 0x1000
+
+
+def is_possible():
+    """Whether a network can be made here; says so where it cannot."""
+    if os.geteuid() == 0 and os.path.exists("/dev/net/tun"):
+        return True
+    print("skipped: needs root and /dev/net/tun")
+    return False
 
 
 def ip(*words):
@@ -74,6 +84,15 @@ class Network:
     def set(self, loss=0.0, delay_s=0.0, jitter_s=0.0, is_up=True):
         """Share of packets lost, delay and up to how much more: packets that overtake each other are reordered."""
         self.loss, self.delay_s, self.jitter_s, self.is_up = loss, delay_s, jitter_s, is_up
+
+    def losing(self, loss, program, mode):
+        """Runs a peer on the second side, loses packets from where it says that it is ready, and gives what it prints at its end."""
+        program = os.path.abspath(program)
+        peer = subprocess.Popen(self.sides[1].command(sys.executable, program, mode), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                cwd=os.path.dirname(program), text=True)
+        peer.stdout.readline()
+        self.set(loss=loss)
+        return json.loads(peer.communicate("go\n", timeout=600)[0].splitlines()[-1])
 
     def relay(self):
         waiting, number = [], 0

@@ -18,7 +18,7 @@ from bench import DOMAIN, Bench, check, end_process, now, stamp_ns, wait_for, wh
 import types_ros as ros
 from network import Remote
 from graph import announce
-from relay import Network
+from relay import Network, is_possible
 from simulate import ALREADY, OK, PAUSED, PLAYING, Driver, add_action, result
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -237,8 +237,7 @@ def main():
         if program() is None:
             print("skipped: no zenoh-bridge-ros2dds in PATH, and ZENOH_BRIDGE names none")
             sys.exit(77)
-        if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
-            print("skipped: needs root and /dev/net/tun")
+        if not is_possible():
             sys.exit(77)
         for scheme in os.environ.get("LINKS", "tcp tls").split():
             print(f"-- {scheme}")

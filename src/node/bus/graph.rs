@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use ros2_client::Gid;
+use rustdds::RTPSEntity;
 use rustdds::policy::Reliability;
-use rustdds::{GUID, RTPSEntity};
 
 use super::super::offer::{Describer, Offer, ros_type};
+use super::super::transport::participant_of;
 use super::{Bus, Endpoint};
 
 impl Bus {
@@ -35,29 +36,27 @@ impl Bus {
     #[must_use]
     pub(in super::super) fn offers(&self) -> Vec<Offer> {
         let own = self.context.domain_participant();
-        let own_prefix = prefix_of(own.guid());
         let offers = own.discovered_writers().iter().filter_map(Offer::of).collect::<Vec<_>>();
-        offers.into_iter().filter(|offer| offer.process[..] != own_prefix[..]).collect()
+        offers.into_iter().filter(|offer| offer.process != participant_of(own.guid())).collect()
     }
 
     /// Services of other nodes that describe types.
     #[must_use]
     pub(in super::super) fn describers(&self) -> Vec<Describer> {
         let own = self.context.domain_participant();
-        let own_prefix = prefix_of(own.guid());
         let describers = own.discovered_readers().iter().filter_map(Describer::of).collect::<Vec<_>>();
-        describers.into_iter().filter(|describer| describer.process[..] != own_prefix[..]).collect()
+        describers.into_iter().filter(|describer| describer.process != participant_of(own.guid())).collect()
     }
 
     /// How many writers other participants have on this topic, given by its full name.
     #[must_use]
     pub fn writers_of(&self, full_name: &str) -> usize {
         let own = self.context.domain_participant();
-        let own_prefix = prefix_of(own.guid());
+        let own_id = participant_of(own.guid());
         let dds_name = format!("rt{full_name}");
         let writers = own.discovered_writers();
         let others = writers.iter().map(|writer| &writer.publication_topic_data);
-        others.filter(|data| data.topic_name == dds_name && prefix_of(data.key) != own_prefix).count()
+        others.filter(|data| data.topic_name == dds_name && participant_of(data.key) != own_id).count()
     }
 
     /// How many readers other participants have on this topic, given by its full name.
@@ -74,10 +73,10 @@ impl Bus {
 
     fn others_that_read(&self, dds_name: &str) -> usize {
         let own = self.context.domain_participant();
-        let own_prefix = prefix_of(own.guid());
+        let own_id = participant_of(own.guid());
         let readers = own.discovered_readers();
         let others = readers.iter().map(|reader| &reader.subscription_topic_data);
-        others.filter(|data| *data.topic_name() == dds_name && prefix_of(data.key()) != own_prefix).count()
+        others.filter(|data| *data.topic_name() == dds_name && participant_of(data.key()) != own_id).count()
     }
 
     /// Endpoints of others on the node's topics with which no sample is exchanged, since their qualities of service do not go
@@ -112,9 +111,4 @@ impl Bus {
         }
         found
     }
-}
-
-/// The part of an id that all endpoints of a participant share.
-fn prefix_of(id: GUID) -> Vec<u8> {
-    id.to_bytes()[..12].to_vec()
 }

@@ -10,10 +10,9 @@ use ros2_client::Gid;
 use ros2_client::log::LogLevel;
 
 use super::BusMap;
-use crate::arguments::nearest;
 use crate::bus::{Bus, BusError};
 use crate::definitions::Definitions;
-use crate::offer::Offer;
+use crate::offer::{Offer, silence};
 use crate::qos::{best_effort, newest_latched};
 use crate::realtime::Until;
 use crate::tap::Tap;
@@ -144,10 +143,7 @@ impl MapSubscriber {
         if here.is_empty() {
             let is_awaited = matches!(topic.state, TopicState::Awaited);
             if is_awaited && self.silent.is_past() && !std::mem::replace(&mut topic.is_silence_told, true) {
-                let names: Vec<String> = offers.iter().map(|offer| offer.topic.clone()).collect();
-                let near = nearest(&topic.name, names.iter()).map(|near| format!("; did you mean `{near}`?"));
-                let near = near.unwrap_or_default();
-                said.push((LogLevel::Warn, format!("{}: nobody publishes it so far{near}", topic.name)));
+                said.push((LogLevel::Warn, silence(&topic.name, offers)));
             }
             return;
         }

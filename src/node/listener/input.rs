@@ -5,7 +5,9 @@ use ros2_client::{MessageInfo, ReadError, Subscription};
 use serde::de::DeserializeOwned;
 
 use super::super::bus::{Bus, BusError};
+use super::super::policy::NodeInput;
 use super::super::qos;
+use super::super::settings::NodeSettings;
 use super::Listener;
 use govtwin_bag::msg::Interface;
 
@@ -21,7 +23,10 @@ pub(super) struct Input<M> {
 
 impl<M: Interface + DeserializeOwned + 'static> Input<M> {
     /// Opens a topic; `qos_overrides` that name its reliability have it read in this one way.
-    pub(super) fn open(bus: &mut Bus, topic: &str, is_awaited: bool) -> Result<Self, BusError> {
+    pub(super) fn open(bus: &mut Bus, input: NodeInput, settings: &NodeSettings) -> Result<Self, BusError> {
+        let topic = input.topic();
+        // What a step waits for must be sent again where it is lost, and so must what belongs to a time of the clock.
+        let is_awaited = settings.use_sim_time || settings.step_inputs[input as usize];
         let is_twofold = is_awaited && !bus.has_reliability(topic)?;
         let reader = bus.subscribe_with(topic, if is_awaited { qos::awaited() } else { qos::best_effort() })?;
         let best_effort = if is_twofold { Some(bus.subscribe_with(topic, qos::followed())?) } else { None };

@@ -3,6 +3,7 @@
 use ros2_client::log::LogLevel;
 use ros2_client::{Gid, MessageInfo, ReadError};
 
+use super::super::commanders::hexadecimal;
 use super::super::core::{InputEvent, NodeInput};
 use super::super::intake::{Intake, Refusal, TopicGate, joints};
 use super::super::realtime::monotonic_ns;
@@ -132,9 +133,4 @@ impl Listener<'_> {
         self.senders.borrow_mut().insert(sender, foreign);
         foreign
     }
-}
-
-/// An id as ROS 2 shows it.
-fn hexadecimal(id: Gid) -> String {
-    id.to_bytes16().map(|byte| format!("{byte:02x}")).join(".")
 }

@@ -23,10 +23,10 @@ use super::super::journal::Journal;
 use super::super::listener::event::{NodeEvent, Taker};
 use super::super::realtime::{Until, monotonic_ns, wall_ns};
 use super::super::settings::NodeSettings;
+use super::super::startup::INPUTS;
 use super::super::words;
 use super::station::Station;
 use govtwin_bag::BagError;
-use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState};
 
 /// How often it looks around.
 const SECOND: Duration = Duration::from_secs(1);
@@ -167,7 +167,6 @@ impl<'a> Supervisor<'a> {
 
     /// Tells of senders that announce another type on an input's topic; some middlewares match them, none can be used.
     fn look_for_strangers(&mut self) {
-        let types = [GovernorCommand::TYPE_NAME, EsvState::TYPE_NAME, FluidPressure::TYPE_NAME, JointState::TYPE_NAME];
         let names = NodeInput::ALL.map(|input| self.bus.arguments().resolve(input.topic()).unwrap_or_default());
         for (sender, (topic, found)) in self.bus.writers() {
             let input = NodeInput::ALL.into_iter().find(|input| names[*input as usize] == topic);
@@ -176,7 +175,7 @@ impl<'a> Supervisor<'a> {
                 self.look_beside_the_map(input, &topic, sender);
                 continue;
             }
-            let expected = types[input as usize];
+            let (expected, _) = INPUTS[input as usize];
             if expected != found && self.strangers.insert(sender) {
                 let words = format!("{topic}: a sender publishes `{found}`, expected `{expected}`; it is not heard");
                 self.tell(LogLevel::Error, &words);

@@ -586,6 +586,22 @@ impl RtpsReaderProxy {
     &self.pending_gap
   }
 
+  // Whether this reader still has to get a sample: it is for this reader, which has
+  // not acknowledged it and answers HEARTBEATs.
+  pub fn awaits(&self, seq_num: SequenceNumber) -> bool {
+    self.is_behind(seq_num)
+      && self.heartbeat_ticks_unanswered <= HEARTBEAT_TICKS_BEFORE_BACKOFF
+      && !self.pending_gap.contains(&seq_num)
+  }
+
+  // Whether both have the same addresses, and so may be of one process that receives
+  // for both.
+  pub fn is_beside(&self, other: &Self) -> bool {
+    self.remote_reader_guid != other.remote_reader_guid
+      && self.unicast_locator_list == other.unicast_locator_list
+      && self.loopback_unicast_locators == other.loopback_unicast_locators
+  }
+
   /// this should be called every time a new CacheChange is set to RTPS writer
   /// HistoryCache
   pub fn notify_new_cache_change(&mut self, sequence_number: SequenceNumber) {

@@ -1080,6 +1080,30 @@ impl Writer {
   // --------------------------------------------------------------
   // --------------------------------------------------------------
 
+  // The pending GAPs that a reader may be sent now: not those of samples that a reader
+  // beside it still has to get. Cyclone DDS takes a GAP to one reader for all readers
+  // of its process.
+  fn gaps_to(&self, reader: &RtpsReaderProxy) -> BTreeSet<SequenceNumber> {
+    let mut gaps = reader.get_pending_gap().clone();
+    if !gaps.is_empty() {
+      for other in self.readers.values().filter(|other| other.is_beside(reader)) {
+        gaps.retain(|sn| !other.awaits(*sn));
+      }
+    }
+    gaps
+  }
+
+  // Readers beside one that has acknowledged something or left, which may now be sent a
+  // GAP that they requested meanwhile.
+  fn served_by(&self, reader: &RtpsReaderProxy) -> Vec<GUID> {
+    let is_due = |other: &&RtpsReaderProxy| {
+      let gaps = self.gaps_to(other);
+      other.unsent_changes_iter().any(|sn| gaps.contains(&sn))
+    };
+    let beside = self.readers.values().filter(|other| other.is_beside(reader));
+    beside.filter(is_due).map(|other| other.remote_reader_guid).collect()
+  }
+
   /// This is called periodically.
   ///
   /// Returns `true` if some matched reader still has unacknowledged data (i.e.
@@ -1322,10 +1346,11 @@ impl Writer {
 
         // See if we need to respond by GAP message
         if let Some(reader_proxy) = self.readers.get(&reader_guid) {
-          if !reader_proxy.get_pending_gap().is_empty() {
+          let gaps = self.gaps_to(reader_proxy);
+          if !gaps.is_empty() {
             let gap_message = MessageBuilder::new()
               .gap_msg(
-                reader_proxy.get_pending_gap(),
+                &gaps,
                 self.my_guid.entity_id,
                 self.endianness,
                 reader_guid,
@@ -1371,6 +1396,9 @@ impl Writer {
               hb_message,
               &mut std::iter::once(reader_proxy),
             );
+          }
+          for served in self.served_by(reader_proxy) {
+            self.schedule_repair_data(served, std::time::Duration::ZERO);
           }
         }
       } // AckNack
@@ -1509,11 +1537,16 @@ impl Writer {
     let mut round_bytes = 0;
 
     while round_bytes < REPAIR_BATCH_MAX_BYTES {
-      let Some(unsent_sn) = reader_proxy.first_unsent_change() else {
+      let pending_gaps = self.gaps_to(reader_proxy);
+      // What is to be withheld for now stays.
+      let Some(unsent_sn) = reader_proxy
+        .unsent_changes_iter()
+        .find(|sn| pending_gaps.contains(sn) || !reader_proxy.get_pending_gap().contains(sn))
+      else {
+        reader_proxy.repair_mode = false;
         break;
       };
       let first_available = self.send_buffer.first_change_sequence_number();
-      let pending_gaps = reader_proxy.get_pending_gap().clone();
 
       let mut gap = MessageBuilder::new();
       let mut cache_change = None;
@@ -2267,7 +2300,11 @@ impl Writer {
         self.topic_name(),
         guid
       );
-      self.matched_reader_remove(guid);
+      if let Some(removed) = self.matched_reader_remove(guid) {
+        for served in self.served_by(&removed) {
+          self.schedule_repair_data(served, std::time::Duration::ZERO);
+        }
+      }
       // Removing a reader may relax (raise) the writer-wide minimum budget.
       self.recompute_min_datagram_payload();
       // self.matched_readers_count_total -= 1; // this never decreases
@@ -2506,11 +2543,12 @@ impl<'a> Iterator for FragmentationIter<'a> {
 
             // If sending to a single reader, add a GAP message with pending gaps if any
             if let Some(reader) = target_reader_opt {
-              if !reader.get_pending_gap().is_empty() {
+              let gaps = writer.gaps_to(reader);
+              if !gaps.is_empty() {
                 let gap_msg = MessageBuilder::new()
                   .dst_submessage(writer.endianness, reader.remote_reader_guid.prefix)
                   .gap_msg(
-                    reader.get_pending_gap(),
+                    &gaps,
                     writer.entity_id(),
                     writer.endianness,
                     reader.remote_reader_guid,
@@ -2636,9 +2674,10 @@ impl<'a> Iterator for FragmentationIter<'a> {
             message_builder.dst_submessage(writer.endianness, reader.remote_reader_guid.prefix);
 
           // If the reader is pending GAPs on any sequence numbers, add a GAP
-          if !reader.get_pending_gap().is_empty() {
+          let gaps = writer.gaps_to(reader);
+          if !gaps.is_empty() {
             message_builder = message_builder.gap_msg(
-              reader.get_pending_gap(),
+              &gaps,
               writer.entity_id(),
               writer.endianness,
               reader.remote_reader_guid,
@@ -3006,19 +3045,43 @@ mod tests {
         self.reader_proxy().unsent_changes_count()
       }
 
+      // One more reader with the addresses of ours.
+      fn match_beside(&mut self) -> GUID {
+        let qos = self.reader_proxy().qos().clone();
+        let guid = GUID::new(GuidPrefix::new(&[3; 12]), self.reader_guid.entity_id);
+        self
+          .writer
+          .update_reader_proxy(&RtpsReaderProxy::new(guid, qos.clone(), false), &qos);
+        guid
+      }
+
       // The reader has received nothing and requests `requested`.
       fn ack_nack(&mut self, requested: impl IntoIterator<Item = i64>, count: i32) {
+        self.ack_nack_of(self.reader_guid, 1, requested, count);
+      }
+
+      // A reader has received all before `base`.
+      fn ack_nack_of(
+        &mut self,
+        reader: GUID,
+        base: i64,
+        requested: impl IntoIterator<Item = i64>,
+        count: i32,
+      ) {
         let requested: BTreeSet<SequenceNumber> =
           requested.into_iter().map(SequenceNumber::new).collect();
         let ack_nack = AckNack {
-          reader_id: self.reader_guid.entity_id,
+          reader_id: reader.entity_id,
           writer_id: self.writer.my_guid.entity_id,
-          reader_sn_state: SequenceNumberSet::from_base_and_set(SequenceNumber::new(1), &requested),
+          reader_sn_state: SequenceNumberSet::from_base_and_set(
+            SequenceNumber::new(base),
+            &requested,
+          ),
           count,
         };
         self
           .writer
-          .handle_ack_nack(self.reader_guid.prefix, &AckSubmessage::AckNack(ack_nack));
+          .handle_ack_nack(reader.prefix, &AckSubmessage::AckNack(ack_nack));
       }
 
       // Timed events addressed to our reader that expire within `max_wait`.
@@ -3251,6 +3314,62 @@ mod tests {
       // Its answer to that: everything is announced from now on.
       f.ack_nack([], 1);
       assert_eq!(tapped(&tap).last(), Some(&(vec![], Some((1, 4)))));
+    }
+
+    // How many GAPs the tapped datagrams hold.
+    fn tapped_gaps(socket: &std::net::UdpSocket) -> usize {
+      use crate::messages::submessages::submessages::WriterSubmessage;
+      let mut buffer = [0; 65536];
+      let mut gaps = 0;
+      while let Ok(length) = socket.recv(&mut buffer) {
+        let message = Message::read_from_buffer(&bytes::Bytes::copy_from_slice(&buffer[..length]));
+        let is_gap = |body| {
+          matches!(
+            body,
+            crate::rtps::SubmessageBody::Writer(WriterSubmessage::Gap(..))
+          )
+        };
+        let submessages = message.unwrap().submessages().into_iter();
+        gaps += submessages.filter(|one| is_gap(one.body.clone())).count();
+      }
+      gaps
+    }
+
+    // Cyclone DDS takes a GAP to one reader for all readers of its process.
+    #[test]
+    fn a_gap_waits_until_the_reader_beside_has_the_sample() {
+      for leaves in [false, true] {
+        let mut f = Fixture::volatile(0, 0);
+        let beside = f.match_beside();
+        let tap = wire_tap(&mut f.writer);
+        f.write_to_reader(8);
+        f.writer.process_pending();
+        f.ack_nack_of(beside, 1, [1], 1);
+        f.writer.handle_timed_event(TimedEvent::SendRepairData { to_reader: beside });
+        assert_eq!(tapped_gaps(&tap), 0);
+        if leaves {
+          f.writer.reader_lost(f.reader_guid);
+        } else {
+          f.ack_nack_of(f.reader_guid, 2, [], 1);
+        }
+        f.writer.handle_timed_event(TimedEvent::SendRepairData { to_reader: beside });
+        assert_eq!(tapped_gaps(&tap), 1);
+      }
+    }
+
+    // A reader that no longer answers keeps nobody waiting.
+    #[test]
+    fn a_gap_does_not_wait_for_a_reader_that_is_silent() {
+      let mut f = Fixture::volatile(0, 0);
+      let beside = f.match_beside();
+      f.write_to_reader(8);
+      f.writer.process_pending();
+      for _ in 0..=crate::rtps::constant::HEARTBEAT_TICKS_BEFORE_BACKOFF {
+        f.writer.handle_heartbeat_tick(false);
+      }
+      let tap = wire_tap(&mut f.writer);
+      f.ack_nack_of(beside, 1, [1], 1);
+      assert_eq!(tapped_gaps(&tap), 1);
     }
 
     // While the reader's send socket has queued control datagrams, a round
