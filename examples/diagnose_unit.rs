@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     fs::create_dir_all(&out)?;
     let made = Provenance { unit: out.display().to_string(), ..Provenance::default() };
-    fs::write(out.join("report.html"), diagnosis_page(&diagnosis, &made)?.to_html())?;
+    fs::write(out.join("report.html"), diagnosis_page(&diagnosis, &made).to_html())?;
     fs::write(out.join("report.json"), serde_json::to_string_pretty(&DiagnosisReport::of(&diagnosis, f64::NAN))?)?;
     println!("report: {}", out.join("report.html").display());
     Ok(())

@@ -147,7 +147,6 @@ pub use govtwin_diagnosis::result::{
 pub use govtwin_diagnosis::{DiagnosisError, DiagnosisSettings};
 pub use govtwin_model::provenance::Provenance;
 pub use govtwin_pages::diagnosis::{page as diagnosis_page, summary as diagnosis_text};
-pub use govtwin_pages::draw::DrawError;
 pub use govtwin_pages::page::Page;
 
 /// The sections of a data sheet, and the table of all its parameters.

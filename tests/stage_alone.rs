@@ -60,7 +60,7 @@ fn zero_dead_band_and_speeds_are_told_in_the_numbers_of_a_signal_about_a_half() 
     assert!(near(told(&said, "falling_speed"), -0.08 * farthest(-1.0), 0.03), "{}", shown(&said));
     // The same stands in the text, on the page and in the file.
     let text = report::summary(&said, 120);
-    let page = report::page(&said, &Provenance::default()).unwrap().to_html();
+    let page = report::page(&said, &Provenance::default()).to_html();
     for words in ["dead band, full width", "rising speed at the farthest spool position", "lag behind the spool"] {
         assert!(text.contains(words) && page.contains(words), "{words}: {text}");
     }

@@ -50,7 +50,7 @@ fn farthest(recording: &Recording, sign: f64) -> f64 {
 fn all_told(said: &Diagnosis) {
     let figures = &said.part.as_ref().unwrap().figures;
     let json = DiagnosisReport::of(said, 0.0).json();
-    let (text, page) = (report::summary(said, 200), report::page(said, &Provenance::default()).unwrap().to_html());
+    let (text, page) = (report::summary(said, 200), report::page(said, &Provenance::default()).to_html());
     for id in FIGURES {
         let one = figures.iter().find(|one| one.id == id).unwrap_or_else(|| panic!("{id}: {}", shown(said)));
         assert!(one.value.low <= one.value.value && one.value.value <= one.value.high, "{one:?}");

@@ -1,8 +1,10 @@
-//! Rows out of streams, by points 3 to 6 of the rule that `bag` states.
+//! What rows may be, and values between two samples, by points 3 to 6 of the rule that `bag` states.
 
-use super::streams::{OpeningCommand, PistonForce, Pressure, Sample};
-use super::{BagError, Interpolation};
-use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use std::path::Path;
+
+use super::BagError;
+use super::streams::Sample;
+use govtwin_model::frame::Frame;
 use govtwin_model::units::seconds_from_nanos;
 
 /// The most rows that resampling may make of a recording: 2.7 h at 1 ms, about 0.8 GB, and several times that in a fit.
@@ -11,100 +13,27 @@ pub(super) const ROW_LIMIT: i64 = 10_000_000;
 /// Rows further apart than this are of two clocks, ns: a day.
 pub(super) const FARTHEST_NS: i64 = 86_400_000_000_000;
 
-/// The streams, each strictly rising in stamp. An absent input is one sample at the beginning of time.
-#[derive(Debug, Default)]
-pub(super) struct Streams {
-    pub(super) command: Vec<Sample<OpeningCommand>>,
-    pub(super) esv: Vec<Sample<EsvState>>,
-    pub(super) tank_pressure: Vec<Sample<Pressure>>,
-    pub(super) servo_state: Vec<Sample<Signals>>,
-    /// Empty in most recordings.
-    pub(super) load: Vec<Sample<PistonForce>>,
-}
-
-/// Makes rows of the streams by the rule above.
+/// Whether rows are of one clock, and no more than can be simulated, with a grid of this period below them.
+///
+/// A twin runs a row each tick of a millisecond between the rows of a recording, which are bounded by the rows there are: one a second at least.
 ///
 /// # Errors
-/// Where the grid would have too many points, or the streams have clocks that differ by more than a day.
-pub(super) fn align(
-    streams: &Streams,
-    interpolation: Interpolation,
-    path: &std::path::Path,
-) -> Result<Vec<Frame>, BagError> {
-    let mut times_ns: Vec<i64> = stamps(&streams.command)
-        .chain(stamps(&streams.esv))
-        .chain(stamps(&streams.tank_pressure))
-        .chain(stamps(&streams.servo_state))
-        .chain(stamps(&streams.load))
-        .collect();
-    times_ns.sort_unstable();
-    let begin_ns = [first(&streams.command), first(&streams.esv), first(&streams.tank_pressure)].into_iter().max();
-    let end_ns = end(streams);
-    times_ns.retain(|time_ns| begin_ns.is_some_and(|begin_ns| (begin_ns..=end_ns.max(begin_ns)).contains(time_ns)));
-    if let Some(pair) = times_ns.windows(2).find(|pair| pair[1].saturating_sub(pair[0]) > FARTHEST_NS) {
-        let gap_s = seconds_from_nanos(pair[1].saturating_sub(pair[0]));
-        return Err(BagError::TwoClocks { path: path.to_owned(), from_ns: pair[0], to_ns: pair[1], gap_s });
+/// Where the grid would have too many points, rows are too sparse, or the streams have clocks that differ by more than a day.
+pub(super) fn check(rows: &[Frame], grid_ns: Option<i64>, path: &Path) -> Result<(), BagError> {
+    let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return Ok(()) };
+    let apart_ns = |pair: &[Frame]| pair[1].time_ns.saturating_sub(pair[0].time_ns);
+    if let Some(pair) = rows.windows(2).find(|pair| apart_ns(pair) > FARTHEST_NS) {
+        let (from_ns, to_ns, gap_s) = (pair[0].time_ns, pair[1].time_ns, seconds_from_nanos(apart_ns(pair)));
+        return Err(BagError::TwoClocks { path: path.to_owned(), from_ns, to_ns, gap_s });
     }
-    let bends = stamps(&streams.command).next().is_some() || !matches!(interpolation, Interpolation::Sharp { .. });
-    if let (Some(period_ns), Some(&begin_ns), Some(&end_ns)) =
-        (interpolation.period_ns().filter(|_| bends), times_ns.first(), times_ns.last())
-    {
-        let count = end_ns.saturating_sub(begin_ns) / period_ns;
-        let limit = ROW_LIMIT;
-        if count > limit {
-            let duration_s = seconds_from_nanos(end_ns.saturating_sub(begin_ns));
-            return Err(BagError::TooManyRows { path: path.to_owned(), period_ns, duration_s, rows: count, limit });
-        }
-        times_ns.extend((1..=count).map(|step| begin_ns + step * period_ns));
-        times_ns.sort_unstable();
-    }
-    times_ns.dedup();
-    check_sparse(&times_ns, path)?;
-
-    let mut command = Cursor::new(&streams.command);
-    let mut esv = Cursor::new(&streams.esv);
-    let mut tank_pressure = Cursor::new(&streams.tank_pressure);
-    let mut servo_state = Cursor::new(&streams.servo_state);
-    let mut load = Cursor::new(&streams.load);
-    let mut frames = Vec::with_capacity(times_ns.len());
-    for time_ns in times_ns {
-        let (Some(opening), Some(state), Some(pressure)) =
-            (command.at(time_ns), esv.at(time_ns), tank_pressure.at(time_ns))
-        else {
-            continue;
-        };
-        let linear = interpolation != Interpolation::Hold;
-        let inputs = Inputs {
-            opening_command_pu: match interpolation {
-                Interpolation::Hold => opening.value.0,
-                Interpolation::Linear { .. } => command.between(time_ns, |value| value.0),
-                Interpolation::Sharp { .. } => command.bent(time_ns, |value| value.0),
-            },
-            esv: state.value,
-            tank_pressure_pa: if linear { tank_pressure.between(time_ns, |value| value.0) } else { pressure.value.0 },
-            piston_force_n: load.at(time_ns).map_or(0.0, |sample| sample.value.0),
-        };
-        let measured = servo_state
-            .at(time_ns)
-            .filter(|sample| sample.stamp_ns == time_ns)
-            .map_or(Signals::NONE, |sample| sample.value);
-        frames.push(Frame { time_ns, inputs, measured });
-    }
-    Ok(frames)
-}
-
-/// Rows that a twin runs between the rows of a recording, one a tick of a millisecond, are bounded by the rows there are: one a second at least.
-///
-/// # Errors
-/// Where there are fewer.
-fn check_sparse(times_ns: &[i64], path: &std::path::Path) -> Result<(), BagError> {
-    let (Some(&begin_ns), Some(&end_ns)) = (times_ns.first(), times_ns.last()) else { return Ok(()) };
-    let (ticks, limit) = (end_ns.saturating_sub(begin_ns) / TICK_NS, most_ticks(times_ns.len()));
-    if ticks <= limit {
-        return Ok(());
-    }
-    let duration_s = seconds_from_nanos(end_ns.saturating_sub(begin_ns));
-    Err(BagError::TooManyRows { path: path.to_owned(), period_ns: TICK_NS, duration_s, rows: ticks, limit })
+    let span_ns = last.time_ns.saturating_sub(first.time_ns);
+    let at_most = |limit: i64, period_ns: i64| {
+        let (rows, duration_s) = (span_ns / period_ns, seconds_from_nanos(span_ns));
+        let too_many = || BagError::TooManyRows { path: path.to_owned(), period_ns, duration_s, rows, limit };
+        if rows > limit { Err(too_many()) } else { Ok(rows) }
+    };
+    let laid = grid_ns.map_or(Ok(0), |period_ns| at_most(ROW_LIMIT, period_ns))?;
+    at_most(most_ticks(rows.len().saturating_add(usize::try_from(laid).unwrap_or_default())), TICK_NS).map(drop)
 }
 
 /// The tick of a twin, ns.
@@ -117,30 +46,6 @@ pub(super) fn most_ticks(rows: usize) -> i64 {
     i64::try_from(rows).unwrap_or(i64::MAX).saturating_mul(TICKS_A_ROW).max(ROW_LIMIT)
 }
 
-/// An absent input's one sample lies before all time and makes no row.
-const BEFORE_ALL_TIME_NS: i64 = i64::MIN;
-
-/// The stream that replaces an absent input.
-pub(super) fn constant<V>(value: V) -> Vec<Sample<V>> {
-    vec![Sample { stamp_ns: BEFORE_ALL_TIME_NS, log_time_ns: BEFORE_ALL_TIME_NS, value }]
-}
-
-/// The stamps of the samples that were sent.
-pub(super) fn stamps<V>(samples: &[Sample<V>]) -> impl Iterator<Item = i64> {
-    samples.iter().map(|sample| sample.stamp_ns).filter(|stamp_ns| *stamp_ns != BEFORE_ALL_TIME_NS)
-}
-
-/// The last command or measurement: what senders that beat on report after it is no recording any more.
-fn end(streams: &Streams) -> i64 {
-    let last = |stamps: Option<i64>| stamps.unwrap_or(i64::MIN);
-    let end_ns = last(stamps(&streams.command).last()).max(last(stamps(&streams.servo_state).last()));
-    if end_ns == i64::MIN { i64::MAX } else { end_ns }
-}
-
-fn first<V>(samples: &[Sample<V>]) -> i64 {
-    samples.first().map_or(i64::MAX, |sample| sample.stamp_ns)
-}
-
 /// Walks along a stream as time goes on.
 pub(super) struct Cursor<'a, V> {
     pub(super) samples: &'a [Sample<V>],
@@ -148,17 +53,12 @@ pub(super) struct Cursor<'a, V> {
     pub(super) passed: usize,
 }
 
-impl<'a, V: Copy> Cursor<'a, V> {
-    fn new(samples: &'a [Sample<V>]) -> Self {
-        Self { samples, passed: 0 }
-    }
-
-    /// The newest sample at or before a time, which must not fall from call to call.
-    pub(super) fn at(&mut self, time_ns: i64) -> Option<Sample<V>> {
+impl<V: Copy> Cursor<'_, V> {
+    /// Goes on to a time, which must not fall from call to call.
+    pub(super) fn pass(&mut self, time_ns: i64) {
         while self.samples.get(self.passed).is_some_and(|sample| sample.stamp_ns <= time_ns) {
             self.passed += 1;
         }
-        self.passed.checked_sub(1).and_then(|newest| self.samples.get(newest)).copied()
     }
 
     /// The value on the straight line between the samples around the time; the last holds after the end.
@@ -170,9 +70,7 @@ impl<'a, V: Copy> Cursor<'a, V> {
         let share = share(time_ns - before.stamp_ns, after.stamp_ns.saturating_sub(before.stamp_ns));
         number(before.value) + share * (number(after.value) - number(before.value))
     }
-}
 
-impl<V: Copy> Cursor<'_, V> {
     /// As [`Cursor::between`], but round a sharp bend inside the interval along the lines of both sides.
     pub(super) fn bent(&self, time_ns: i64, number: impl Fn(V) -> f64 + Copy) -> f64 {
         let straight = self.between(time_ns, number);
@@ -222,6 +120,7 @@ fn share(part_ns: i64, whole_ns: i64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::streams::OpeningCommand;
     use super::*;
 
     /// A ramp that begins between two samples, sampled at 5 Hz.
@@ -238,11 +137,11 @@ mod tests {
     #[test]
     fn a_ramp_that_begins_between_two_samples_begins_in_time() {
         let samples = ramp(1.87, -0.5);
-        let mut cursor = Cursor::new(&samples);
+        let mut cursor = Cursor { samples: &samples, passed: 0 };
         let (mut sharp, mut straight) = (0.0_f64, 0.0_f64);
         for ms in (0..3800).step_by(3) {
             let time_ns = ms * 1_000_000;
-            cursor.at(time_ns);
+            cursor.pass(time_ns);
             let truth = 0.9 - 0.5 * (seconds_from_nanos(time_ns) - 1.87).max(0.0);
             sharp = sharp.max((cursor.bent(time_ns, |value| value.0) - truth).abs());
             straight = straight.max((cursor.between(time_ns, |value| value.0) - truth).abs());
@@ -265,9 +164,9 @@ mod tests {
                     }
                 })
                 .collect();
-            let mut cursor = Cursor::new(&samples);
+            let mut cursor = Cursor { samples: &samples, passed: 0 };
             for ms in (0..3800).step_by(7) {
-                cursor.at(ms * 1_000_000);
+                cursor.pass(ms * 1_000_000);
                 let (bent, straight) =
                     (cursor.bent(ms * 1_000_000, |value| value.0), cursor.between(ms * 1_000_000, |value| value.0));
                 assert_eq!(bent.to_bits(), straight.to_bits(), "at {ms} ms");

@@ -3,10 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::align::Streams;
 use super::evidence::StreamEvidence;
 use super::order::{self, Jump, Silence};
-use super::pace::Pace;
 use super::streams::{OpeningCommand, PistonForce, Pressure, Sample, Value, decode};
 use super::topic::{RawView, TopicInfo, shown};
 use super::translation::Translation;
@@ -139,12 +137,6 @@ impl<V: Value> AnyCollector for Collector<V> {
 
     fn sort(&mut self) {
         order::by_stamp(&mut self.samples, &mut self.health);
-        let mut pace = Pace::default();
-        for sample in &self.samples {
-            pace.push(sample.stamp_ns);
-            self.evidence.sample(sample.stamp_ns, sample.log_time_ns, sample.value.number());
-        }
-        self.health.pace = pace.finish();
     }
 }
 
@@ -274,19 +266,12 @@ impl Collected {
         warning
     }
 
-    /// The samples, and health and evidence of each of [`Stream::ALL`]; behind these the health of the load, where it has messages.
-    pub(super) fn finish(self) -> (Streams, Vec<StreamHealth>, [StreamEvidence; 4]) {
+    /// Health and evidence of each of [`Stream::ALL`]; behind these the health of the load, where it has messages.
+    pub(super) fn finish(self) -> (Vec<StreamHealth>, [StreamEvidence; 4]) {
         let Self { command, esv, tank_pressure, servo_state, load, .. } = self;
         let mut health = vec![command.health, esv.health, tank_pressure.health, servo_state.health];
         health.extend(Some(load.health).filter(|health| health.messages > 0));
         let evidence = [command.evidence, esv.evidence, tank_pressure.evidence, servo_state.evidence];
-        let streams = Streams {
-            command: command.samples,
-            esv: esv.samples,
-            tank_pressure: tank_pressure.samples,
-            servo_state: servo_state.samples,
-            load: load.samples,
-        };
-        (streams, health, evidence)
+        (health, evidence)
     }
 }

@@ -1,5 +1,7 @@
 //! Distributions of many numbers in little memory: exact for few different ones, then in buckets that grow.
 
+use std::collections::BTreeMap;
+
 /// The most different values, or buckets, that are kept.
 const MOST_BUCKETS: usize = 4096;
 
@@ -12,32 +14,12 @@ const FINEST_BITS: u32 = 14;
 /// Values in ns by size. Up to 4096 different ones are kept as they are; beyond, values within a bucket count as their mean.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Distribution {
-    /// In rising order, each of its own key.
-    buckets: Vec<KeyBucket>,
+    /// By key: how many values there are, and their sum, ns.
+    buckets: BTreeMap<i64, (u64, i128)>,
     /// Not in a bucket yet.
     waiting: Vec<i64>,
-    /// Bits that a bucket keeps; `None` where each value has a bucket.
+    /// Bits that a key keeps; `None` where each value has a bucket.
     bits: Option<u32>,
-}
-
-/// Values of one key.
-#[derive(Clone, Copy, Debug)]
-struct KeyBucket {
-    least_ns: i64,
-    count: u64,
-    sum_ns: i128,
-}
-
-impl KeyBucket {
-    fn mean_ns(&self) -> i64 {
-        let mean_ns = self.sum_ns / i128::from(self.count).max(1);
-        i64::try_from(mean_ns).unwrap_or(if mean_ns < 0 { i64::MIN } else { i64::MAX })
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.count += other.count;
-        self.sum_ns += other.sum_ns;
-    }
 }
 
 impl Distribution {
@@ -49,6 +31,39 @@ impl Distribution {
         }
     }
 
+    /// Puts what waits into the buckets.
+    fn settle(&mut self) {
+        let mut waiting = std::mem::take(&mut self.waiting);
+        waiting.sort_unstable();
+        let bits = self.bits;
+        for alike in waiting.chunk_by(|one, other| key(*one, bits) == key(*other, bits)) {
+            self.add(alike[0], (alike.len() as u64, alike.iter().map(|value_ns| i128::from(*value_ns)).sum()));
+        }
+        waiting.clear();
+        self.waiting = waiting;
+        while self.buckets.len() > MOST_BUCKETS {
+            self.bits = Some(self.bits.map_or(FINEST_BITS, |bits| bits.saturating_sub(1)));
+            for (value_ns, bucket) in std::mem::take(&mut self.buckets) {
+                self.add(value_ns, bucket);
+            }
+        }
+    }
+
+    fn add(&mut self, value_ns: i64, (more, more_ns): (u64, i128)) {
+        let (count, sum_ns) = self.buckets.entry(key(value_ns, self.bits)).or_default();
+        *count += more;
+        *sum_ns += more_ns;
+    }
+
+    /// The mean of each bucket, in rising order, and its count.
+    fn means(&mut self) -> impl Iterator<Item = (i64, u64)> {
+        self.settle();
+        self.buckets.values().map(|(count, sum_ns)| {
+            let mean_ns = sum_ns / i128::from(*count).max(1);
+            (i64::try_from(mean_ns).unwrap_or(if mean_ns < 0 { i64::MIN } else { i64::MAX }), *count)
+        })
+    }
+
     /// How many values there are.
     pub(super) fn count(&mut self) -> u64 {
         self.count_where(|_| true)
@@ -56,15 +71,7 @@ impl Distribution {
 
     /// The value of this rank, counted from 0 at the least; 0 where there is none.
     pub(super) fn at_rank(&mut self, rank: u64) -> i64 {
-        self.settle();
-        let mut before = 0;
-        for bucket in &self.buckets {
-            before += bucket.count;
-            if before > rank {
-                return bucket.mean_ns();
-            }
-        }
-        0
+        at_rank(self.means(), rank)
     }
 
     /// The upper median; 0 where there is no value.
@@ -75,90 +82,26 @@ impl Distribution {
 
     /// How many values a condition holds for.
     pub(super) fn count_where(&mut self, holds: impl Fn(i64) -> bool) -> u64 {
-        self.settle();
-        self.buckets.iter().filter(|bucket| holds(bucket.mean_ns())).map(|bucket| bucket.count).sum()
+        self.means().filter(|(mean_ns, _)| holds(*mean_ns)).map(|(_, count)| count).sum()
     }
 
     /// The distance from a value that this share of the values keeps, in hundredths.
     pub(super) fn distance_at(&mut self, from_ns: i64, hundredths: u64) -> i64 {
-        self.settle();
-        let distance = |bucket: &KeyBucket| (bucket.mean_ns().saturating_sub(from_ns).saturating_abs(), bucket.count);
-        let mut distances: Vec<(i64, u64)> = self.buckets.iter().map(distance).collect();
+        let distance_ns = |mean_ns: i64| mean_ns.saturating_sub(from_ns).saturating_abs();
+        let mut distances: Vec<_> = self.means().map(|(mean_ns, count)| (distance_ns(mean_ns), count)).collect();
         distances.sort_unstable();
-        let count: u64 = distances.iter().map(|(_, count)| count).sum();
-        let rank = count.saturating_sub(1) * hundredths / 100;
-        let mut before = 0;
-        let at = distances.iter().find(|(_, count)| {
-            before += count;
-            before > rank
-        });
-        at.map_or(0, |(distance_ns, _)| *distance_ns)
-    }
-
-    /// Puts what waits into the buckets.
-    fn settle(&mut self) {
-        if self.waiting.is_empty() {
-            return;
-        }
-        let mut waiting = std::mem::take(&mut self.waiting);
-        waiting.sort_unstable();
-        let before = std::mem::take(&mut self.buckets);
-        self.buckets = in_order(before, runs(&waiting, self.bits));
-        waiting.clear();
-        self.waiting = waiting;
-        while self.buckets.len() > MOST_BUCKETS {
-            self.bits = Some(self.bits.map_or(FINEST_BITS, |bits| bits.saturating_sub(1)));
-            self.merge();
-        }
-    }
-
-    /// Makes one bucket of those with one key by the bits that count now, which lie side by side.
-    fn merge(&mut self) {
-        let bits = self.bits;
-        for bucket in &mut self.buckets {
-            bucket.least_ns = key(bucket.least_ns, bits);
-        }
-        self.buckets.dedup_by(|next, first| {
-            let same = next.least_ns == first.least_ns;
-            if same {
-                first.add(next);
-            }
-            same
-        });
+        at_rank(distances.into_iter(), self.count().saturating_sub(1) * hundredths / 100)
     }
 }
 
-/// The buckets of values in rising order.
-fn runs(values: &[i64], bits: Option<u32>) -> Vec<KeyBucket> {
-    let mut found: Vec<KeyBucket> = vec![];
-    for value_ns in values {
-        let one = KeyBucket { least_ns: key(*value_ns, bits), count: 1, sum_ns: i128::from(*value_ns) };
-        match found.last_mut() {
-            Some(last) if last.least_ns == one.least_ns => last.add(&one),
-            _ => found.push(one),
-        }
-    }
-    found
-}
-
-/// Two lists in rising order as one; what is in both becomes one bucket.
-fn in_order(some: Vec<KeyBucket>, others: Vec<KeyBucket>) -> Vec<KeyBucket> {
-    let mut merged = Vec::with_capacity(some.len() + others.len());
-    let mut left = some.into_iter().peekable();
-    for other in others {
-        while let Some(bucket) = left.next_if(|bucket| bucket.least_ns < other.least_ns) {
-            merged.push(bucket);
-        }
-        match left.next_if(|bucket| bucket.least_ns == other.least_ns) {
-            Some(mut bucket) => {
-                bucket.add(&other);
-                merged.push(bucket);
-            }
-            None => merged.push(other),
-        }
-    }
-    merged.extend(left);
-    merged
+/// The value of a rank among values that rise, each with its count.
+fn at_rank(mut rising: impl Iterator<Item = (i64, u64)>, rank: u64) -> i64 {
+    let mut before = 0;
+    let found = rising.find(|(_, count)| {
+        before += count;
+        before > rank
+    });
+    found.map_or(0, |(value_ns, _)| value_ns)
 }
 
 /// The bucket of a value: its leading bits, and its sign.
@@ -206,7 +149,8 @@ mod tests {
             wide.push(value.cast_signed() >> (value % 63));
         }
         assert!(wide.count() == 200_000 && wide.buckets.len() <= MOST_BUCKETS);
-        assert!(wide.buckets.windows(2).all(|pair| pair[0].least_ns < pair[1].least_ns));
+        let means: Vec<i64> = wide.means().map(|(mean_ns, _)| mean_ns).collect();
+        assert!(means.is_sorted());
         assert!(wide.at_rank(20_000) < wide.at_rank(100_000) && wide.at_rank(100_000) < wide.at_rank(180_000));
     }
 }

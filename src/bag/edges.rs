@@ -1,6 +1,5 @@
 //! Where an input begins after the recording, or ends before it: rows that are left out, and a last value that holds.
 
-use super::align::{Streams, stamps};
 use super::topic_survey::PaceSurvey;
 use super::{Stream, StreamHealth, Warning};
 use govtwin_model::units::seconds_from_nanos;
@@ -16,13 +15,6 @@ const PERIODS: f64 = 3.0;
 pub(super) struct Edges([u64; 3]);
 
 impl Edges {
-    /// Counts them, input by input, with all samples at hand.
-    pub(super) fn of(streams: &Streams) -> Self {
-        let first_ns =
-            [stamps(&streams.command).next(), stamps(&streams.esv).next(), stamps(&streams.tank_pressure).next()];
-        Self(first_ns.map(|first_ns| first_ns.map_or(0, |first_ns| rows_before(streams, first_ns))))
-    }
-
     /// Counts a row that has these inputs; true where one of them is missing, so that it is left out.
     pub(super) fn count(&mut self, in_force: [bool; 3]) -> bool {
         for (rows, in_force) in self.0.iter_mut().zip(in_force) {
@@ -70,17 +62,4 @@ fn is_news(distance_ns: i64, pace: &PaceSurvey) -> bool {
     let distance_s = seconds_from_nanos(distance_ns);
     let period_s = if pace.rate_hz > 0.0 { 1.0 / pace.rate_hz } else { 0.0 };
     distance_s > WORTH_A_WORD_S && distance_s > PERIODS * period_s
-}
-
-/// How many rows there would be before a time if every input had a value.
-fn rows_before(streams: &Streams, time_ns: i64) -> u64 {
-    let all = stamps(&streams.command)
-        .chain(stamps(&streams.esv))
-        .chain(stamps(&streams.tank_pressure))
-        .chain(stamps(&streams.servo_state))
-        .chain(stamps(&streams.load));
-    let mut before: Vec<i64> = all.filter(|stamp_ns| *stamp_ns < time_ns).collect();
-    before.sort_unstable();
-    before.dedup();
-    before.len() as u64
 }

@@ -1,6 +1,6 @@
 //! A grid under rows as they come in: command and pressure run from sample to sample, in memory that does not grow.
 //!
-//! The rows are those that [`align`](super::align) makes with all samples at hand. A row waits until the samples are there that lie behind it:
+//! A row waits until the samples are there that lie behind it:
 //! three of the command, by which a sharp bend is known, and one of the pressure. Below a recording that is followed while it is made, a row
 //! waits no longer than a minute of the recording, and what is later than the row by more plays no part in it.
 
@@ -67,7 +67,7 @@ impl<V: Copy> Window<V> {
             return holds;
         }
         let mut cursor = Cursor { samples: &self.samples[..near], passed: self.passed };
-        cursor.at(time_ns);
+        cursor.pass(time_ns);
         self.passed = cursor.passed;
         value(&cursor)
     }
@@ -115,6 +115,17 @@ impl Grid {
         Self { ahead_ns: AHEAD_NS, ..self }
     }
 
+    /// Time between its points, ns; none where no points are laid: without a command there is nothing to bend.
+    pub(super) fn period_ns(&self) -> Option<i64> {
+        (!self.sharp || !self.command.samples.is_empty()).then_some(self.period_ns)
+    }
+
+    /// Lays all of it, below rows whose samples were all taken.
+    pub(super) fn below(mut self, rows: Vec<Frame>, on_row: &mut dyn FnMut(&Frame)) {
+        self.rows = rows.into();
+        self.lay(true, on_row);
+    }
+
     /// Takes a sample in the order of stamps.
     pub(super) fn command(&mut self, sample: Sample<OpeningCommand>) {
         self.command.push(sample);
@@ -136,7 +147,8 @@ impl Grid {
         self.points = self.points.saturating_add(step_ns / self.period_ns);
         let most = ROW_LIMIT.max(self.taken.saturating_mul(POINTS_A_ROW).min(MOST_POINTS));
         let is_followed = self.ahead_ns < i64::MAX;
-        if !is_followed && (self.points > most || self.rows.len() > MOST_WAITING) {
+        let are_many = self.points > most && self.period_ns().is_some();
+        if !is_followed && (are_many || self.rows.len() > MOST_WAITING) {
             return Err(Irregular);
         }
         self.rows.push_back(frame);
@@ -148,8 +160,7 @@ impl Grid {
         let known_ns = self.command.known_until_ns(AROUND).min(self.pressure.known_until_ns(1));
         let waited_ns = self.newest_ns.map_or(i64::MIN, |newest_ns| newest_ns.saturating_sub(self.ahead_ns));
         let until_ns = if ended { i64::MAX } else { known_ns.max(waited_ns) };
-        // Without a command there is nothing to bend.
-        let is_laid = !(self.sharp && self.command.samples.is_empty());
+        let is_laid = self.period_ns().is_some();
         while let Some(row) = self.rows.front().copied().filter(|row| row.time_ns <= until_ns) {
             self.rows.pop_front();
             let mut next_ns = row.time_ns.saturating_add(self.period_ns);

@@ -1,6 +1,6 @@
-//! Rows as the messages come in, in memory that does not grow: each row as soon as no later message can belong before it.
+//! Rows out of streams. As the messages come in, in memory that does not grow: each row as soon as no later message can belong before it.
 //!
-//! The result is that of reading all samples first, or none: a bag that needs all of them (a clock that jumps, stamps of 0, a stream that
+//! The result is that of all samples put in order first, or none: a bag that needs all of them (a clock that jumps, stamps of 0, a stream that
 //! lags behind the others by more than is waited for) is found out on the way, and is read anew.
 
 use std::collections::{BTreeSet, VecDeque};
@@ -62,6 +62,12 @@ impl<V: Value> Track<V> {
             kept: 0,
             conflict: None,
         }
+    }
+
+    /// All samples of a collector, in order.
+    fn of(collector: &mut Collector<V>) -> Self {
+        let waiting = VecDeque::from(std::mem::take(&mut collector.samples));
+        Self { absent: waiting.is_empty(), waiting, ..Self::new(false) }
     }
 
     /// Takes the sample that a collector has just decoded.
@@ -140,6 +146,17 @@ impl<V: Value> Track<V> {
     }
 }
 
+/// How samples come.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Course {
+    /// All are there, in order.
+    Whole,
+    /// One by one out of a bag.
+    Streamed,
+    /// One by one while the bag is made.
+    Followed,
+}
+
 /// The streams on their way into rows, which are handed on one by one.
 pub(super) struct Live {
     pub(super) collected: Collected,
@@ -161,7 +178,7 @@ pub(super) struct Live {
     /// The first row, and how many there are: those of a recording that is followed may be few.
     first_ns: Option<i64>,
     taken: usize,
-    follows: bool,
+    course: Course,
     /// The grid below the rows, where one is asked for.
     grid: Option<Grid>,
     /// Rows that were handed on, the grid's not counted.
@@ -190,7 +207,7 @@ impl Live {
             previous_ns: None,
             first_ns: None,
             taken: 0,
-            follows: false,
+            course: Course::Streamed,
             count: 0,
             evidence: RowEvidence::new(options.positions),
             edges: Edges::default(),
@@ -200,7 +217,25 @@ impl Live {
     /// The same for a recording that is followed while it is made.
     pub(super) fn following(options: &ReadOptions, topics: &BTreeSet<String>) -> Self {
         let this = Self::new(options, Some(topics));
-        Self { grid: this.grid.map(Grid::following), follows: true, ..this }
+        Self { grid: this.grid.map(Grid::following), course: Course::Followed, ..this }
+    }
+
+    /// The rows of samples that are all there and in order; inputs hold, and a grid is still to be laid below them.
+    pub(super) fn whole(collected: Collected, options: &ReadOptions) -> (Vec<Frame>, Option<Grid>, Read) {
+        let mut live = Self { grid: None, course: Course::Whole, collected, ..Self::new(options, None) };
+        let Collected { command, esv, tank_pressure, servo_state, load, .. } = &mut live.collected;
+        let grid = Grid::new(options.interpolation).map(|mut grid| {
+            command.samples.iter().for_each(|sample| grid.command(*sample));
+            tank_pressure.samples.iter().for_each(|sample| grid.pressure(*sample));
+            grid
+        });
+        (live.command, live.esv) = (Track::of(command), Track::of(esv));
+        (live.tank_pressure, live.servo_state) = (Track::of(tank_pressure), Track::of(servo_state));
+        live.load = Track::of(load);
+        let mut rows = vec![];
+        // Of these no row is irregular.
+        let _ = live.finish(&mut |frame| rows.push(*frame));
+        (rows, grid, live.conclude())
     }
 
     /// Streams without messages so far, although the bag may hold them.
@@ -288,13 +323,14 @@ impl Live {
         if self.edges.count(in_force) {
             return Ok(());
         }
-        if self.previous_ns.is_some_and(|previous_ns| time_ns.saturating_sub(previous_ns) > FARTHEST_NS) {
+        let is_far = self.previous_ns.is_some_and(|previous_ns| time_ns.saturating_sub(previous_ns) > FARTHEST_NS);
+        if is_far && self.course != Course::Whole {
             return Err(Irregular);
         }
         self.previous_ns = Some(time_ns);
         let first_ns = *self.first_ns.get_or_insert(time_ns);
         self.taken += 1;
-        if !self.follows && time_ns.saturating_sub(first_ns) / TICK_NS > most_ticks(self.taken) {
+        if self.course == Course::Streamed && time_ns.saturating_sub(first_ns) / TICK_NS > most_ticks(self.taken) {
             return Err(Irregular);
         }
         let value = |sample: Option<Sample<Signals>>| sample.map_or(Signals::NONE, |sample| sample.value);
@@ -351,7 +387,7 @@ impl Live {
     /// What was read, once it is finished.
     pub(super) fn conclude(mut self) -> Read {
         let translated = std::mem::take(&mut self.collected.translated);
-        let (_, mut healths, evidence) = self.collected.finish();
+        let (mut healths, evidence) = self.collected.finish();
         if let [command, esv, tank_pressure, servo_state, load @ ..] = &mut healths[..] {
             self.command.finish(command);
             self.esv.finish(esv);

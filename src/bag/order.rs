@@ -233,5 +233,4 @@ pub(super) fn by_stamp<V: Value>(samples: &mut Vec<Sample<V>>, health: &mut Stre
         }
         doubled
     });
-    health.kept = samples.len() as u64;
 }

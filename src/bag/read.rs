@@ -4,19 +4,19 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::align::{self, Streams};
+use super::align;
 use super::collect::{AnyCollector, Collected};
 use super::edges::{self, Edges};
 use super::evidence::{RowEvidence, StreamEvidence};
+use super::grid::Grid;
+use super::live::Live;
 use super::source::{self, BagSource, Scanned};
-use super::streams::{OpeningCommand, Pressure};
 use super::topic::{TopicInfo, shown};
 use super::{
     BagError, FileHealth, Finding, Health, Kind, Loaded, ReadOptions, Severity, Stream, StreamHealth, Warning,
 };
 use super::{findings, qualification};
 use crate::msg::{Interface, ServoState};
-use govtwin_model::frame::EsvState;
 use govtwin_model::recording::Recording;
 
 /// Gaps shorter than this are no news on any machine, s.
@@ -41,18 +41,17 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
     })?;
     check(path, &collected, options, &scanned)?;
     let jump = collected.settle(options.topics.by_log);
-    let translated = std::mem::take(&mut collected.translated);
-    let (mut streams, healths, evidence) = collected.finish();
-    let edges = Edges::of(&streams);
-    qualification::check_clocks(path, &healths, &evidence)?;
-    fill(&mut streams);
-    let frames = align::align(&streams, options.interpolation, path)?;
-    drop(streams);
-    let mut rows = RowEvidence::new(options.positions);
-    for frame in &frames {
-        rows.row(frame);
+    let (mut frames, grid, read) = Live::whole(collected, options);
+    let mut read = Read { jump, ..read };
+    qualification::check_clocks(path, &read.healths, &read.evidence)?;
+    align::check(&frames, grid.as_ref().and_then(Grid::period_ns), path)?;
+    if let Some(grid) = grid {
+        read.rows = RowEvidence::new(options.positions);
+        grid.below(std::mem::take(&mut frames), &mut |frame| {
+            read.rows.row(frame);
+            frames.push(*frame);
+        });
     }
-    let read = Read { healths, evidence, rows, edges, jump, count: frames.len(), translated };
     let health = read.judge(path, &source, &scanned, options)?;
     let command_deviation_pu = health.command_deviation_pu();
     Ok(Loaded { recording: Recording { command_deviation_pu, ..Recording::new(source.name, frames) }, health })
@@ -129,19 +128,6 @@ fn simulated(topics: &[Arc<TopicInfo>]) -> Option<&str> {
             && (topic.name == "sim/servo_state" || topic.name.ends_with("/sim/servo_state"))
     };
     topics.iter().find(is_simulated).map(|topic| topic.name.as_str())
-}
-
-/// Constants in the place of absent inputs.
-fn fill(streams: &mut Streams) {
-    if streams.command.is_empty() {
-        streams.command = align::constant(OpeningCommand(f64::NAN));
-    }
-    if streams.esv.is_empty() {
-        streams.esv = align::constant(EsvState::Normal);
-    }
-    if streams.tank_pressure.is_empty() {
-        streams.tank_pressure = align::constant(Pressure(f64::NAN));
-    }
 }
 
 /// Whether there is something to read.

@@ -212,7 +212,7 @@ fn describe(made: &mut Provenance, args: &Args, warnings: &[String]) -> anyhow::
 }
 
 fn write(mut output: Output, summary: &AcceptanceSummary, drawn: &[Drawn]) -> anyhow::Result<()> {
-    output.add("acceptance.html", page(summary, drawn)?.to_html().as_bytes())?;
+    output.add("acceptance.html", page(summary, drawn).to_html().as_bytes())?;
     output.add("acceptance.csv", csv(summary).as_bytes())?;
     output.add_json("acceptance.json", summary)?;
     output.place()

@@ -202,7 +202,7 @@ fn check_rows(parents: &Parents<'_>) -> anyhow::Result<()> {
 /// Leaves page and JSON, and says what is in them.
 fn write(args: &Args, mut output: Output, summary: &ComparisonSummary, shown: &Shown<'_>) -> anyhow::Result<Outcome> {
     let html = output.path("compare.html");
-    output.add("compare.html", page(summary, shown)?.to_html().as_bytes())?;
+    output.add("compare.html", page(summary, shown).to_html().as_bytes())?;
     output.add_json("compare.json", summary)?;
     output.place()?;
     if args.learn.json {

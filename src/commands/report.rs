@@ -65,7 +65,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         ..Provenance::default()
     });
     let diagnosis = read.into();
-    let html = page::page(&diagnosis, &made)?.to_html();
+    let html = page::page(&diagnosis, &made).to_html();
     write_atomically(&out, html.as_bytes())?;
     let text = if args.json {
         format!("{report:#}\n")

@@ -221,7 +221,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         searches: &searches,
         band: band.as_ref(),
     };
-    output.add("train.html", training_page(&training)?.to_html().as_bytes())?;
+    output.add("train.html", training_page(&training).to_html().as_bytes())?;
     let figures = Trained {
         schema: "govtwin-training/1",
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),

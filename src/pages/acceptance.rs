@@ -3,7 +3,7 @@
 mod answers;
 mod pictures;
 
-use crate::draw::{DrawError, svg};
+use crate::draw::svg;
 use crate::page::{KeyFigure, Page, PageBody, Tone};
 use crate::table::Table;
 use govtwin_diagnosis::acceptance::Measure;
@@ -31,10 +31,8 @@ pub struct Drawn {
 }
 
 /// The page.
-///
-/// # Errors
-/// Where a picture cannot be drawn.
-pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Result<Page, DrawError> {
+#[must_use]
+pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Page {
     let made = summary.provenance.clone().unwrap_or_default();
     let subtitle = match summary.limits.as_str() {
         "" => made.unit.clone(),
@@ -71,17 +69,17 @@ pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Result<Page, DrawEr
         body.heading("Recordings");
         for one in drawn.iter().take(MOST_DRAWN) {
             body.figure(
-                svg(&curves(one))?,
+                svg(&curves(one)),
                 format!("{}: command and position, and below them position − command.", one.measured.name),
             );
         }
     }
     if !summary.response.is_empty() || !summary.twin_response.is_empty() {
         body.heading("Frequency response");
-        body.figure(svg(&response(summary))?, "Gain and phase from command to position, at the frequencies that the command excites. Bands: 90 % intervals.");
+        body.figure(svg(&response(summary)), "Gain and phase from command to position, at the frequencies that the command excites. Bands: 90 % intervals.");
     }
     closing(body, summary, &made);
-    Ok(page)
+    page
 }
 
 fn kind(asked: &AskedMeasure) -> Measure {

@@ -10,7 +10,7 @@ mod summary;
 mod tables;
 mod traces;
 
-use super::draw::{DrawError, svg};
+use super::draw::svg;
 use super::page::{KeyFigure, Page, PageBody, Tone};
 use govtwin_diagnosis::result::{Diagnosis, Setup, Trace, Verdict};
 use govtwin_diagnosis::words;
@@ -29,9 +29,6 @@ mod tests;
 
 /// The page; `made` has the inputs of the diagnosis and the origin of the recordings.
 ///
-/// # Errors
-/// Where a picture cannot be drawn.
-///
 /// ```no_run
 /// use govtwin_diagnosis::result::{Diagnosis, schema::DiagnosisReport};
 /// use govtwin_model::provenance::Provenance;
@@ -39,26 +36,27 @@ mod tests;
 ///
 /// fn keep(diagnosis: &Diagnosis, seconds: f64) -> Result<(), Box<dyn std::error::Error>> {
 ///     let made = Provenance { unit: "unit 3".to_owned(), ..Provenance::default() };
-///     std::fs::write("report.html", page(diagnosis, &made)?.to_html())?;
+///     std::fs::write("report.html", page(diagnosis, &made).to_html())?;
 ///     std::fs::write("report.json", DiagnosisReport::of(diagnosis, seconds).json().to_string())?;
 ///     Ok(())
 /// }
 /// ```
-pub fn page(diagnosis: &Diagnosis, made: &Provenance) -> Result<Page, DrawError> {
+#[must_use]
+pub fn page(diagnosis: &Diagnosis, made: &Provenance) -> Page {
     let mut page = Page::new("Why the unit differs from its twin", subtitle(diagnosis, made));
     // Without an effect the twin with effects is the refitted one.
     let explained = !diagnosis.blamed.is_empty();
     let body = &mut page.body;
     opening(body, diagnosis, made);
-    residuals(body, diagnosis, explained)?;
+    residuals(body, diagnosis, explained);
     if diagnosis.traces.iter().any(|trace| !trace.time_s.is_empty()) {
-        recordings(body, diagnosis)?;
+        recordings(body, diagnosis);
     }
-    location(body, diagnosis, explained)?;
-    causes(body, diagnosis)?;
+    location(body, diagnosis, explained);
+    causes(body, diagnosis);
     next(body, diagnosis);
     closing(body, diagnosis, made);
-    Ok(page)
+    page
 }
 
 /// Unit, recordings and day.
@@ -150,7 +148,7 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     }
 }
 
-fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
+fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) {
     body.heading("RMS error of the twin");
     if !diagnosis.gap.is_empty() {
         let caption = if diagnosis.setup == Setup::StageFree {
@@ -163,7 +161,7 @@ fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Res
             "Data sheet: its values as stated. Recalibrated: the same values fitted within their tolerances. Line: expected error of a \
              correct twin, from transducer noise and chatter of the regulator."
         };
-        body.figure(svg(&pictures::residuals(diagnosis, explained))?, caption);
+        body.figure(svg(&pictures::residuals(diagnosis, explained)), caption);
     }
     let caption = if explained {
         "RMS error over all recordings; positions in % of stroke. Explained: share of the squared error beyond noise, on the fitted data."
@@ -192,10 +190,9 @@ fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Res
             "Causes found, with the share of the error that each explains on held-out data.",
         );
     }
-    Ok(())
 }
 
-fn recordings(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawError> {
+fn recordings(body: &mut PageBody, diagnosis: &Diagnosis) {
     body.heading("Measured and simulated signals");
     let improved = words::improved(diagnosis);
     // A report that was read back has the curves of one recording.
@@ -212,20 +209,19 @@ fn recordings(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawErro
             None => format!("{} ({})", trace.name, trace.process.title()),
         };
         let first = if rank == 0 && diagnosis.traces.len() > 1 { " The recording with the largest error." } else { "" };
-        into.figure(svg(&picture(trace, None))?, format!("{what}.{first}"));
+        into.figure(svg(&picture(trace, None)), format!("{what}.{first}"));
         if let Some(window_s) = traces::close_up(trace) {
             let caption = format!("{what}: the 15 s with the largest error of the recalibrated twin.");
-            into.figure(svg(&picture(trace, Some(window_s)))?, caption);
+            into.figure(svg(&picture(trace, Some(window_s))), caption);
         }
         if let Some(window_s) = traces::worst(trace, traces::WORST_S).filter(|_| rank == 0) {
             let caption = format!("{what}: the 2 s with the largest error of the recalibrated twin.");
-            into.figure(svg(&picture(trace, Some(window_s)))?, caption);
+            into.figure(svg(&picture(trace, Some(window_s))), caption);
         }
         if rank > 0 {
             body.details(what, inner);
         }
     }
-    Ok(())
 }
 
 /// A name's letters: `startup_01` is called like a start-up.
@@ -233,7 +229,7 @@ fn letters(name: &str) -> String {
     name.chars().filter(|c| c.is_alphabetic()).flat_map(char::to_lowercase).collect()
 }
 
-fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
+fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) {
     body.heading("Where the error occurs");
     for signal in Signal::POSITIONS {
         let breakdowns: Vec<_> = diagnosis.breakdowns.iter().filter(|breakdown| breakdown.signal == signal).collect();
@@ -242,7 +238,7 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
                 "{}: share of the squared error of the recalibrated twin in each condition, %. The shares in each panel sum to 100.",
                 signal.title()
             );
-            body.figure(svg(&pictures::breakdown(&breakdowns, signal, explained))?, caption);
+            body.figure(svg(&pictures::breakdown(&breakdowns, signal, explained)), caption);
         }
     }
     if !diagnosis.stage_tests.is_empty() {
@@ -266,7 +262,7 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
                 words::stage_title(best.stage),
                 words::percent(best.explains),
             );
-            body.figure(svg(&pictures::shape(best))?, caption);
+            body.figure(svg(&pictures::shape(best)), caption);
         }
         let mut inner = PageBody::new();
         inner.table(
@@ -275,10 +271,9 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
         );
         body.details("Discrepancy terms on all signals", inner);
     }
-    Ok(())
 }
 
-fn causes(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawError> {
+fn causes(body: &mut PageBody, diagnosis: &Diagnosis) {
     body.heading("Probable causes");
     let some = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown);
     let caption = if some {
@@ -287,7 +282,7 @@ fn causes(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawError> {
         "Probability that each effect is present. Several effects may be present at once."
     };
     if !diagnosis.ranking.is_empty() {
-        body.figure(svg(&pictures::probabilities(diagnosis))?, caption);
+        body.figure(svg(&pictures::probabilities(diagnosis)), caption);
     }
     if !diagnosis.transfers.is_empty() {
         let caption = "Error explained on each recording when both twins are fitted to the other recordings only. It is low if no other \
@@ -301,7 +296,6 @@ fn causes(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawError> {
         inner.table(tables::tried(diagnosis), caption);
         body.details(format!("All fitted fault sets ({})", diagnosis.tried.len()), inner);
     }
-    Ok(())
 }
 
 fn next(body: &mut PageBody, diagnosis: &Diagnosis) {

@@ -4,7 +4,7 @@ mod answers;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::draw::{DrawError, svg};
+use crate::draw::svg;
 use crate::ink::Ink;
 use crate::page::{KeyFigure, Page, PageBody, Tone};
 use crate::picture::{Mark, MarkShape, Panel, Picture};
@@ -42,10 +42,8 @@ pub struct Context<'a> {
 }
 
 /// The page.
-///
-/// # Errors
-/// Where a picture cannot be drawn.
-pub fn page(gathered: &Gathered, context: &Context) -> Result<Page, DrawError> {
+#[must_use]
+pub fn page(gathered: &Gathered, context: &Context) -> Page {
     let units: BTreeSet<&str> = gathered.rows.iter().map(|row| row.unit.as_str()).collect();
     let mut page = Page::new(
         "Fleet: diagnoses of all units",
@@ -66,18 +64,18 @@ pub fn page(gathered: &Gathered, context: &Context) -> Result<Page, DrawError> {
     body.heading("Causes by unit and period");
     if let Some(picture) = causes_picture(gathered, context.looks) {
         body.figure(
-            svg(&picture)?,
+            svg(&picture),
             "Probability, in %, of the causes in the last period of each unit, for the units that need attention first. Possible causes exclude each \
              other; causes found act together.",
         );
     }
     rows_table(body, gathered, context);
-    trends(body, gathered)?;
+    trends(body, gathered);
     not_run(body, gathered);
     let mut inner = PageBody::new();
     inner.facts(context.facts.clone());
     body.details("How these figures were made", inner);
-    Ok(page)
+    page
 }
 
 /// A probability as a percentage; empty where there is none.
@@ -240,7 +238,7 @@ fn causes_picture(gathered: &Gathered, looks: &[Look]) -> Option<Picture> {
 }
 
 /// Sizes over time: those that changed, and where none did those that are determined most often.
-fn trends(body: &mut PageBody, gathered: &Gathered) -> Result<(), DrawError> {
+fn trends(body: &mut PageBody, gathered: &Gathered) {
     body.heading("Fault sizes and parameters over time");
     let mut shown: Vec<(&str, &Trend)> = gathered.changed().collect();
     shown.sort_by(|a, b| sum(b.1).total_cmp(&sum(a.1)).then((a.0, &a.1.name).cmp(&(b.0, &b.1.name))));
@@ -255,7 +253,7 @@ fn trends(body: &mut PageBody, gathered: &Gathered) -> Result<(), DrawError> {
         body.paragraph(
             "No unit has a size that is determined by the recordings of two periods, so changes cannot be detected.",
         );
-        return Ok(());
+        return;
     }
     shown.truncate(MOST_TRENDS);
     let panels = shown.iter().map(|(unit, trend)| panel(unit, trend)).collect();
@@ -272,12 +270,11 @@ fn trends(body: &mut PageBody, gathered: &Gathered) -> Result<(), DrawError> {
             gathered.limit
         )
     };
-    body.figure(svg(&Picture::grid("Sizes over periods with their intervals", 2, panels))?, caption);
+    body.figure(svg(&Picture::grid("Sizes over periods with their intervals", 2, panels)), caption);
     body.paragraph(
         "Only sizes that the recordings determine are compared: parameters of which at least half of the information comes from the recordings and \
          not from the sheet's tolerance, and effects that the diagnosis names as cause found. Sizes at a bound are left out.",
     );
-    Ok(())
 }
 
 fn sum(trend: &Trend) -> f64 {

@@ -1,6 +1,6 @@
 //! The page of a proposed map: each signal as the map reads it, unused columns, and open questions.
 
-use super::draw::{DrawError, svg};
+use super::draw::svg;
 use super::ink::Ink;
 use super::page::{Page, PageBody, Tone};
 use super::picture::{Mark, MarkShape, Panel, Picture};
@@ -49,10 +49,8 @@ pub struct ImportView {
 }
 
 /// The page.
-///
-/// # Errors
-/// Where a picture cannot be drawn.
-pub fn page(look: &ImportView) -> Result<Page, DrawError> {
+#[must_use]
+pub fn page(look: &ImportView) -> Page {
     let mut page = Page::new(format!("Proposed import of {}", look.file), format!("{} rows", thousands(look.rows)));
     let body = &mut page.body;
     body.answers(answers(look));
@@ -65,7 +63,7 @@ pub fn page(look: &ImportView) -> Result<Page, DrawError> {
     body.heading("Signals as the proposed map reads them");
     if !look.chosen.is_empty() {
         let picture = picture("signals as the proposed map reads them", &look.chosen, Ink::Measured);
-        body.figure(svg(&picture)?, "Minimum and maximum over time, in the units after the import.");
+        body.figure(svg(&picture), "Minimum and maximum over time, in the units after the import.");
     }
     let mut table = Table::new().words("signal").words("column").words("reason");
     for guess in &look.chosen {
@@ -86,7 +84,7 @@ pub fn page(look: &ImportView) -> Result<Page, DrawError> {
             look.unused.iter().filter(|guess| !guess.points.is_empty()).take(MOST_UNUSED).cloned().collect();
         let mut inner = PageBody::new();
         if !drawn.is_empty() {
-            inner.figure(svg(&picture("unused columns", &drawn, Ink::Muted))?, "Values as in the file.");
+            inner.figure(svg(&picture("unused columns", &drawn, Ink::Muted)), "Values as in the file.");
         }
         let empty: Vec<&str> =
             look.unused.iter().filter(|guess| guess.points.is_empty()).map(|guess| guess.column.as_str()).collect();
@@ -100,7 +98,7 @@ pub fn page(look: &ImportView) -> Result<Page, DrawError> {
     for note in &look.notes {
         body.paragraph(note.clone());
     }
-    Ok(page)
+    page
 }
 
 /// Findings, their certainty, how much of the file they cover, and what to do next.
@@ -185,7 +183,7 @@ mod tests {
             open: vec!["range: yours".into()],
             map: "signals:\n  esv: normal\n".into(),
         };
-        let html = page(&look).unwrap().to_html();
+        let html = page(&look).to_html();
         for words in [
             "Servomotor position, pu (Y_ist)",
             "its name",

@@ -1,7 +1,7 @@
 //! Pictures and pages of results: the contents as data, the result as SVG and self-contained HTML.
 //!
 //! A `picture::Picture` holds panels, a panel holds marks; `draw::svg` is the only place that
-//! draws by the plotting library. A [`page::Page`] holds blocks; it is the only place that knows the
+//! writes SVG. A [`page::Page`] holds blocks; it is the only place that knows the
 //! HTML library. Colours are roles (`ink::Ink`) that the page turns into light or dark ones.
 //!
 //! ```
@@ -15,15 +15,13 @@
 //!     .line(Ink::Simulated, "simulated", vec![[0.0, 0.0], [1.0, 0.38]])
 //!     .x_name("time, s");
 //! let mut page = Page::new("One second", "of a spool");
-//! page.body.figure(svg(&Picture::stacked("The spool opens", vec![panel]))?, "It opens.");
+//! page.body.figure(svg(&Picture::stacked("The spool opens", vec![panel])), "It opens.");
 //! assert!(page.to_html().starts_with("<!DOCTYPE html>"));
-//! # Ok::<(), govtwin_pages::draw::DrawError>(())
 //! ```
 
 pub mod acceptance;
 pub mod diagnosis;
 pub mod draw;
-mod dress;
 pub mod fleet;
 pub mod import;
 pub mod ink;

@@ -345,7 +345,7 @@ mod tests {
     fn page() -> Page {
         let mut page = Page::new("Replay <of> \"bags\"", "measured & simulated");
         let panel = Panel::new("Position, pu").line(Ink::Measured, "a <b>", vec![[0.0, 0.0], [1.0, 1.0]]);
-        page.body.figure(svg(&Picture::stacked("a & \"b\"", vec![panel])).unwrap(), "caption");
+        page.body.figure(svg(&Picture::stacked("a & \"b\"", vec![panel])), "caption");
         page.body.key_figures([KeyFigure::new("R²", "0.99", "").hint("overall")]);
         let mut table = Table::new().words("a").numbers("b");
         table.strong_row(["<script>alert(1)</script>", "2"]);

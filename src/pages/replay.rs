@@ -6,7 +6,7 @@ mod ladder;
 mod tables;
 mod validation;
 
-use super::draw::{DrawError, svg};
+use super::draw::svg;
 use super::page::{KeyFigure, Page, PageBody, Tone};
 use govtwin_diagnosis::replay_summary::ReplaySummary;
 use govtwin_model::number::significant;
@@ -23,15 +23,8 @@ pub use tables::thousands;
 pub use tables::{process_table, reason_for_dashes};
 
 /// The page: `pictures` stand in the order of the summary's recordings, `replayed` too.
-///
-/// # Errors
-/// Where a picture cannot be drawn.
-pub fn page(
-    summary: &ReplaySummary,
-    replayed: &[&Replayed],
-    pictures: &[Pictures],
-    sensors: &Sensors,
-) -> Result<Page, DrawError> {
+#[must_use]
+pub fn page(summary: &ReplaySummary, replayed: &[&Replayed], pictures: &[Pictures], sensors: &Sensors) -> Page {
     let mode = match summary.cut {
         "none" => "closed loop".to_owned(),
         cut => format!("cut at the {cut}"),
@@ -81,7 +74,7 @@ pub fn page(
     }
     if let Some(ladder) = &summary.ladder {
         body.heading("Comparison of units and learned residuals");
-        body.figure(svg(&ladder_picture(ladder))?, "Mean absolute error with each unit and each learned residual.");
+        body.figure(svg(&ladder_picture(ladder)), "Mean absolute error with each unit and each learned residual.");
         body.table(ladder_table(ladder), reason_for_stars(ladder).unwrap_or_default());
         for finding in &ladder.findings {
             body.paragraph(finding.clone());
@@ -96,7 +89,7 @@ pub fn page(
         );
         body.note(Tone::Plain, shown);
     }
-    body.figure(svg(&errors(summary, replayed, sensors))?, "RMSE by process, with the transducer noise as a line, and histogram of the error (simulated − measured), for the first unit. The \
+    body.figure(svg(&errors(summary, replayed, sensors)), "RMSE by process, with the transducer noise as a line, and histogram of the error (simulated − measured), for the first unit. The \
          outermost bars include all larger errors.");
     let mut inner = PageBody::new();
     inner.table(
@@ -105,7 +98,7 @@ pub fn page(
     );
     body.details("Errors by recording", inner);
     closing(body, summary);
-    Ok(page)
+    page
 }
 
 fn opening(body: &mut PageBody, summary: &ReplaySummary, sensors: &Sensors) {

@@ -2,7 +2,7 @@
 
 use std::cmp::Reverse;
 
-use crate::draw::{DrawError, svg};
+use crate::draw::svg;
 use crate::ink::Ink;
 use crate::page::{KeyFigure, Page, Tone};
 use crate::picture::{Mark, MarkShape, Panel, Picture};
@@ -37,10 +37,8 @@ pub struct Watched<'a> {
 }
 
 /// The page.
-///
-/// # Errors
-/// Where a picture cannot be drawn.
-pub fn page(watched: &Watched) -> Result<Page, DrawError> {
+#[must_use]
+pub fn page(watched: &Watched) -> Page {
     let Watched { unit, entries, courses, between_false_alarms, times } = *watched;
     let mut page = Page::new(format!("Watched unit: {unit}"), format!("{} processes", entries.len()));
     let body = &mut page.body;
@@ -74,7 +72,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
                 significant(course.limit, 3),
                 significant(between_false_alarms, 3),
             );
-            body.figure(svg(&picture(course, entries))?, caption);
+            body.figure(svg(&picture(course, entries)), caption);
         }
     }
     body.heading("Diagnosed processes");
@@ -112,7 +110,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         if entry.warnings.is_empty() { table.row(cells) } else { table.strong_row(cells) }
     }
     body.table(table, "Newest first. Each process is diagnosed alone, so the results do not confirm each other.");
-    Ok(page)
+    page
 }
 
 /// What every page answers first, of the unit's history.
@@ -282,7 +280,7 @@ mod tests {
         let times: Vec<String> = (0..entries.len()).map(|i| format!("2026-11-26T00:{i:02}:00Z")).collect();
         let watched =
             Watched { unit: "unit3", entries, courses: &courses, between_false_alarms: 1000.0, times: &times };
-        page(&watched).unwrap().to_html()
+        page(&watched).to_html()
     }
 
     /// What has moved leads the page, and nothing is reported as moved that has not.

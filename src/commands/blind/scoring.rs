@@ -187,7 +187,7 @@ pub fn score_all(
     // All at one mismatch are the first column again.
     let parts: Vec<page::MethodScore> =
         by_rate.into_iter().chain(by_mismatch.into_iter().filter(|part| part.score.units < first.len())).collect();
-    let mut page = page::page(&scores, &first, (&parts, &tests), &subtitle, made.origins().first().copied())?;
+    let mut page = page::page(&scores, &first, (&parts, &tests), &subtitle, made.origins().first().copied());
     let mut inner = PageBody::new();
     inner.facts(made.facts());
     page.body.details("What these figures were made from", inner);

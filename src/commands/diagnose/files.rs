@@ -91,7 +91,7 @@ pub fn write(
         Some(text) => output.add(ASSUMED, text.as_bytes())?,
         None => output.remove(ASSUMED),
     }
-    output.add("report.html", page::page(diagnosis, made)?.to_html().as_bytes())?;
+    output.add("report.html", page::page(diagnosis, made).to_html().as_bytes())?;
     output.add(REPORT, json.as_bytes())?;
     output.place()?;
     Ok(json)

@@ -211,7 +211,7 @@ impl<'a> All<'a> {
             to_store: &target.to_store,
             facts: facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         };
-        let page = govtwin_pages::fleet::page(gathered, &context)?.to_html();
+        let page = govtwin_pages::fleet::page(gathered, &context).to_html();
         Ok(Self { gathered, looks, changes, before, standing, damaged, page, shown: target.shown.clone() })
     }
 

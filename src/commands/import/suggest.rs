@@ -52,7 +52,7 @@ pub fn run(file: &Path, known: &Known, out: &Path, as_json: bool) -> anyhow::Res
     }
     let look = look(file, &suggestion, &text);
     output.add(MAP, text.as_bytes())?;
-    output.add(PAGE, page(&look)?.to_html().as_bytes())?;
+    output.add(PAGE, page(&look).to_html().as_bytes())?;
     let [map_path, page_path] = [MAP, PAGE].map(|name| output.path(name));
     output.place()?;
     if as_json {

@@ -90,8 +90,8 @@ pub fn write_all(
     drop(progress);
     output.add_bags(written?);
     let replayed: Vec<&Replayed> = results.iter().map(|one| &one.replayed).collect();
-    let pictures = draw(results, summary, unit, after)?;
-    let mut page = page(summary, &replayed, &pictures, &unit.sensors)?;
+    let pictures = draw(results, summary, unit, after);
+    let mut page = page(summary, &replayed, &pictures, &unit.sensors);
     if let Some(run) = node_run {
         run.show(&mut page.body);
     }
@@ -103,12 +103,7 @@ pub fn write_all(
 }
 
 /// The pictures of all recordings, in their order.
-fn draw(
-    results: &[Result],
-    summary: &ReplaySummary,
-    unit: &Unit,
-    after: Option<&After>,
-) -> anyhow::Result<Vec<Pictures>> {
+fn draw(results: &[Result], summary: &ReplaySummary, unit: &Unit, after: Option<&After>) -> Vec<Pictures> {
     let then = |at: usize| {
         let after = after?;
         Some(Beside::Unit { title: &after.title, replayed: after.replayed.get(at)? })
@@ -121,10 +116,10 @@ fn draw(
             half_width: &corrected.half_width,
             coverage_share: corrected.coverage_share,
         });
-        let pictures = Pictures::draw(&one.replayed, then(at).or(corrected), &unit.sensors)?;
+        let pictures = Pictures::draw(&one.replayed, then(at).or(corrected), &unit.sensors);
         let broken = summary.validation.iter().flat_map(Validation::broken);
         let broken: Vec<&Check> = broken.filter(|check| check.recording == Some(at)).collect();
-        Ok(pictures.with_broken(one.judged(), &broken, &unit.sensors)?)
+        pictures.with_broken(one.judged(), &broken, &unit.sensors)
     });
     drawn.collect()
 }

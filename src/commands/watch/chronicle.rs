@@ -124,7 +124,7 @@ impl Chronicle {
         });
         let mut files = govtwin_files::Together::default();
         let texts =
-            [history::write(&self.entries)?, page(&watched)?.to_html(), serde_json::to_string_pretty(&state)? + "\n"];
+            [history::write(&self.entries)?, page(&watched).to_html(), serde_json::to_string_pretty(&state)? + "\n"];
         let writing = || format!("cannot write in {}", self.out.display());
         for (name, text) in NAMES.iter().zip(texts) {
             files.add(&self.out.join(name), text.as_bytes()).with_context(writing)?;

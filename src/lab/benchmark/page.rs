@@ -9,7 +9,7 @@ use crate::benchmark::scored_report::ScoredReport as _;
 use crate::benchmark::statistics::{Bin, Measured};
 use govtwin_diagnosis::words::{id_words, stage_words, verdict_words};
 use govtwin_model::number::significant;
-use govtwin_pages::draw::{DrawError, svg};
+use govtwin_pages::draw::svg;
 use govtwin_pages::ink::Ink;
 use govtwin_pages::page::{KeyFigure, Page, Tone};
 use govtwin_pages::picture::{Mark, MarkShape, Panel, Picture};
@@ -28,21 +28,19 @@ pub struct MethodScore {
 
 /// The page; `cases` are those of the first method, `parts` the scores of some of them, such as those of one rate, `tests` what next tests brought, `origin` what is known of
 /// where the units come from.
-///
-/// # Errors
-/// Where a picture cannot be drawn.
+#[must_use]
 pub fn page(
     methods: &[MethodScore],
     cases: &[ScoredUnit],
     (parts, tests): (&[MethodScore], &NextTestScore),
     subtitle: &str,
     origin: Option<&str>,
-) -> Result<Page, DrawError> {
+) -> Page {
     let mut page = Page::new("Benchmark: verdicts compared with the true faults", subtitle);
     let body = &mut page.body;
     let Some(first) = methods.first() else {
         body.note(Tone::Warning, "No unit was scored.");
-        return Ok(page);
+        return page;
     };
     body.answers(answers::answers(&first.score, cases));
     let shown = ["false_alarm", "detection", "single_first", "unknown"];
@@ -61,7 +59,7 @@ pub fn page(
     }
     body.heading("Measures");
     body.figure(
-        svg(&measures_picture(first))?,
+        svg(&measures_picture(first)),
         "Shares of units with Wilson's 95 % intervals. Filled dots: target reached. Hollow dots: target missed. Thin lines: no target.",
     );
     // The baselines stand in a table of their own: one with all would be wider than a page.
@@ -81,12 +79,12 @@ pub fn page(
     }
     body.heading("Confusion matrix");
     body.figure(
-        svg(&confusion_picture(&first.score.confusion))?,
+        svg(&confusion_picture(&first.score.confusion)),
         "Number of units by true fault (rows) and by the first answer of the verdict (columns). Units with two or three effects are left out.",
     );
     body.heading("Reliability of the probabilities");
     body.figure(
-        svg(&reliability_picture(methods))?,
+        svg(&reliability_picture(methods)),
         "Share of true statements against their stated probability. On the diagonal both are equal. Whiskers: 95 % intervals.",
     );
     if let Some(words) = tests.in_words() {
@@ -108,7 +106,7 @@ pub fn page(
              the true set leads by the evidence, and with the model if another one does."
         ),
     );
-    Ok(page)
+    page
 }
 
 /// The readable name of a verdict or a truth.

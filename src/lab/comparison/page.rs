@@ -12,7 +12,7 @@ use crate::comparison::summary::{ComparisonSummary, ModelFigures, SeedSpread};
 use govtwin_correction::table::FeatureTable as Rows;
 use govtwin_model::number::{fixed, significant};
 use govtwin_model::recording::Process;
-use govtwin_pages::draw::{DrawError, svg};
+use govtwin_pages::draw::svg;
 use govtwin_pages::page::{KeyFigure, Page, PageBody, Tone};
 use govtwin_pages::table::Table;
 
@@ -108,10 +108,8 @@ fn title(id: &str) -> &str {
 }
 
 /// The page.
-///
-/// # Errors
-/// Where a picture cannot be drawn.
-pub fn page(summary: &ComparisonSummary, shown: &Shown) -> Result<Page, DrawError> {
+#[must_use]
+pub fn page(summary: &ComparisonSummary, shown: &Shown) -> Page {
     let unit = shown.rows.layout.signal.unit();
     let mut page = Page::new(
         "Comparison of models",
@@ -121,29 +119,29 @@ pub fn page(summary: &ComparisonSummary, shown: &Shown) -> Result<Page, DrawErro
     opening(body, summary, unit);
     body.heading("Measured and predicted signals");
     body.figure(
-        svg(&pictures::traces(shown))?,
+        svg(&pictures::traces(shown)),
         "Measured signal, twin alone (MBM), data alone (DDM) and hybrid (MDHM) on part of the test rows of each process (as Figure 12 of the paper).",
     );
     body.heading("Errors by process");
     let caption =
         format!("MAE, RMSE and R² on the test rows of each process (as Figure 13).{}", pictures::below_zero(summary));
-    body.figure(svg(&pictures::bars(summary, unit))?, caption);
+    body.figure(svg(&pictures::bars(summary, unit)), caption);
     body.table(models_table(&summary.models, unit), "Errors on the test rows, the last 30 % of each process.");
     body.heading("Errors of the hybrids");
     body.figure(
-        svg(&pictures::residuals(shown))?,
+        svg(&pictures::residuals(shown)),
         "Error of each hybrid (predicted − measured) on the test rows (as Figure 14).",
     );
     body.figure(
-        svg(&pictures::spreads(shown))?,
+        svg(&pictures::spreads(shown)),
         "Distribution of these errors: kernel density estimates, and a histogram of the first model (as Figure 15).",
     );
-    body.figure(svg(&pictures::heatmap(summary, unit))?, "MAE, RMSE and R² of the hybrids by process (as Figure 16).");
-    why(body, summary, shown)?;
+    body.figure(svg(&pictures::heatmap(summary, unit)), "MAE, RMSE and R² of the hybrids by process (as Figure 16).");
+    why(body, summary, shown);
     body.heading("Test with a process left out of training");
     body.paragraph("Each process is left out of training in turn and used as the test set; the paper does not show this. The hyperparameters are the \
          manual ones, because a search would have seen the process. The guard reduces corrections for rows outside the training range.");
-    body.figure(svg(&pictures::left_out(summary, unit))?, "MAE of each model on the process that was left out.");
+    body.figure(svg(&pictures::left_out(summary, unit)), "MAE of each model on the process that was left out.");
     body.table(left_out_table(summary, unit), "Errors on the process that was left out.");
     let bands = summary.left_out_process.iter().flat_map(|one| &one.band);
     body.table(
@@ -164,17 +162,17 @@ pub fn page(summary: &ComparisonSummary, shown: &Shown) -> Result<Page, DrawErro
     }
     body.heading("Feature importance");
     body.figure(
-        svg(&pictures::importance(summary))?,
+        svg(&pictures::importance(summary)),
         "Share of the total gain of the trees in the MDHM: the most important features, and the feature groups of Table 1.",
     );
     body.heading("Hyperparameter searches");
-    search_blocks(body, &summary.searches, unit)?;
+    search_blocks(body, &summary.searches, unit);
     closing(body, summary);
-    Ok(page)
+    page
 }
 
 /// Why the paper's hybrid is worse than data alone, and the gain of each remedy.
-fn why(body: &mut PageBody, summary: &ComparisonSummary, shown: &Shown) -> Result<(), DrawError> {
+fn why(body: &mut PageBody, summary: &ComparisonSummary, shown: &Shown) {
     let unit = shown.rows.layout.signal.unit();
     body.heading("Where the MDHM is worse than the DDM");
     for one in &summary.breakdown.processes {
@@ -200,7 +198,7 @@ fn why(body: &mut PageBody, summary: &ComparisonSummary, shown: &Shown) -> Resul
         ));
     }
     body.figure(
-        svg(&pictures::worst(summary, shown))?,
+        svg(&pictures::worst(summary, shown)),
         "Signals around the row of each process where the squared error of the MDHM exceeds that of the DDM most.",
     );
     body.table(
@@ -219,7 +217,6 @@ fn why(body: &mut PageBody, summary: &ComparisonSummary, shown: &Shown) -> Resul
             "Each seed with its own searches. Mean, with the lowest and the highest value in brackets.",
         );
     }
-    Ok(())
 }
 
 fn opening(body: &mut PageBody, summary: &ComparisonSummary, unit: &str) {
@@ -355,7 +352,7 @@ mod tests {
     #[test]
     fn figures_have_their_units_and_nobody_guesses_where_data_come_from() {
         let summary = summary([0.5, 0.6]);
-        let heat = svg(&pictures::heatmap(&summary, "pu")).unwrap().as_str().to_owned();
+        let heat = svg(&pictures::heatmap(&summary, "pu")).as_str().to_owned();
         assert!(heat.contains("MAE, pu") && heat.contains("RMSE, pu") && !heat.contains("R², pu"), "{heat}");
         let mut page = Page::new("", "");
         opening(&mut page.body, &summary, "pu");
@@ -395,7 +392,7 @@ mod tests {
                 searches: &[],
                 band: None,
             };
-            training_page(&training).unwrap().to_html().replace('\u{a0}', " ")
+            training_page(&training).to_html().replace('\u{a0}', " ")
         };
         let html = of(&[twin.clone(), halved(model("guarded", "hybrid, guarded", [0.5, 0.6]))]);
         let at = |words: &str| html.find(words).unwrap_or_else(|| panic!("{words}: {html}"));

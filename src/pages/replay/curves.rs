@@ -1,7 +1,7 @@
 //! The pictures of one recording: measured, simulated and their difference over time.
 
 use crate::diagnosis::{WORST_S, worst_stretch};
-use crate::draw::{DrawError, Svg, svg};
+use crate::draw::{Svg, svg};
 use crate::ink::Ink;
 use crate::picture::{EventLine, Panel, Picture, Span};
 use govtwin_diagnosis::replay_validation::Check;
@@ -62,28 +62,24 @@ pub enum Beside<'a> {
 
 impl Pictures {
     /// Draws them, beside another unit or a learned residual on the same recording if one is given.
-    ///
-    /// # Errors
-    /// Where a picture cannot be drawn.
-    pub fn draw(replayed: &Replayed, beside: Option<Beside<'_>>, sensors: &Sensors) -> Result<Self, DrawError> {
+    #[must_use]
+    pub fn draw(replayed: &Replayed, beside: Option<Beside<'_>>, sensors: &Sensors) -> Self {
         let curves = Curves::new(replayed, beside);
         let window_s = replayed.recording.duration_s() > LONG_S;
         let close_up = window_s.then(|| curves.liveliest_s());
         let pilot = curves.has(Signal::PilotValvePosition) || curves.has(Signal::ControlPressure);
-        Ok(Self {
-            whole: svg(&curves.positions(sensors, None))?,
-            close_up: close_up.map(|window_s| svg(&curves.positions(sensors, Some(window_s)))).transpose()?,
-            worst: curves.worst_s().map(|window_s| svg(&curves.positions(sensors, Some(window_s)))).transpose()?,
-            pilot: pilot.then(|| svg(&curves.pilot(sensors, close_up))).transpose()?,
+        Self {
+            whole: svg(&curves.positions(sensors, None)),
+            close_up: close_up.map(|window_s| svg(&curves.positions(sensors, Some(window_s)))),
+            worst: curves.worst_s().map(|window_s| svg(&curves.positions(sensors, Some(window_s)))),
+            pilot: pilot.then(|| svg(&curves.pilot(sensors, close_up))),
             broken: Vec::new(),
-        })
+        }
     }
 
     /// The same with the stretches in which these limits are broken.
-    ///
-    /// # Errors
-    /// Where a picture cannot be drawn.
-    pub fn with_broken(mut self, judged: &Replayed, broken: &[&Check], sensors: &Sensors) -> Result<Self, DrawError> {
+    #[must_use]
+    pub fn with_broken(mut self, judged: &Replayed, broken: &[&Check], sensors: &Sensors) -> Self {
         let curves = Curves::new(judged, None);
         let mut stretches: Vec<([f64; 2], bool, Vec<String>)> = Vec::new();
         for check in broken {
@@ -97,9 +93,9 @@ impl Pictures {
         for (window_s, is_pilot, limits) in stretches {
             let around = Some([(window_s[0] - 0.5).max(0.0), window_s[1] + 0.5]);
             let picture = if is_pilot { curves.pilot(sensors, around) } else { curves.positions(sensors, around) };
-            self.broken.push((svg(&picture)?, limits));
+            self.broken.push((svg(&picture), limits));
         }
-        Ok(self)
+        self
     }
 }
 

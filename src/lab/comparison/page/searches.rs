@@ -2,28 +2,25 @@
 
 use crate::comparison::summary::Searched;
 use govtwin_model::number::{fixed, significant};
-use govtwin_pages::draw::{DrawError, svg};
+use govtwin_pages::draw::svg;
 use govtwin_pages::ink::Ink;
 use govtwin_pages::page::PageBody;
 use govtwin_pages::picture::{Mark, MarkShape, Panel, Picture};
 use govtwin_pages::table::Table;
 
 /// Shows searches, whose losses have this unit: traces, what they found, and the surrogate along each dimension.
-///
-/// # Errors
-/// Where a picture cannot be drawn.
-pub fn search_blocks(body: &mut PageBody, searches: &[Searched], unit: &str) -> Result<(), DrawError> {
+pub fn search_blocks(body: &mut PageBody, searches: &[Searched], unit: &str) {
     if searches.is_empty() {
-        return Ok(());
+        return;
     }
     body.figure(
-        svg(&traces(searches, unit))?,
+        svg(&traces(searches, unit)),
         "Lines: best cross-validated MAE so far. Dots: single evaluations. Bayesian optimisation and random search have equally many \
          evaluations and the same first points.",
     );
     for search in searches.iter().filter(|search| !search.slices.is_empty()) {
         body.figure(
-            svg(&surrogate(search))?,
+            svg(&surrogate(search)),
             format!("{}: MAE in {unit} predicted by the Gaussian process along each hyperparameter through the best point (dot), with ±2 standard deviations.", search.id),
         );
     }
@@ -50,7 +47,6 @@ pub fn search_blocks(body: &mut PageBody, searches: &[Searched], unit: &str) -> 
         table,
         "Best result of each search: MAE over the validation rows of five folds, with its hyperparameters.",
     );
-    Ok(())
 }
 
 /// A hyperparameter; counts have no digits after the point.

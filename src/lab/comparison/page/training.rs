@@ -4,7 +4,6 @@ use super::answers::of_training;
 use super::{models_table, search_blocks};
 use crate::comparison::summary::{Covered, ModelFigures, Searched};
 use govtwin_model::signal::Signal;
-use govtwin_pages::draw::DrawError;
 use govtwin_pages::page::{Page, Tone};
 use govtwin_pages::replay::thousands;
 
@@ -26,10 +25,8 @@ pub struct Training<'a> {
 }
 
 /// The page.
-///
-/// # Errors
-/// Where a picture cannot be drawn.
-pub fn training_page(training: &Training) -> Result<Page, DrawError> {
+#[must_use]
+pub fn training_page(training: &Training) -> Page {
     let Training { signal, rows, origin, models, searches, band } = *training;
     let [teach, judge] = rows.map(|count| thousands(count as u64));
     let mut page = Page::new("Training of the learned residual", format!("{teach} training rows, {judge} test rows"));
@@ -40,6 +37,6 @@ pub fn training_page(training: &Training) -> Result<Page, DrawError> {
         page.body.note(Tone::Plain, origin);
     }
     page.body.table(models_table(models, signal.unit()), "Errors on the test rows, the last 30 % of each process.");
-    search_blocks(&mut page.body, searches, signal.unit())?;
-    Ok(page)
+    search_blocks(&mut page.body, searches, signal.unit());
+    page
 }
