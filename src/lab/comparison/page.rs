@@ -370,7 +370,7 @@ mod tests {
             losses: vec![0.5],
             slices: BTreeMap::new(),
         };
-        search_blocks(&mut page.body, &[search], "pu").unwrap();
+        search_blocks(&mut page.body, &[search], "pu");
         let html = page.to_html();
         assert!(html.contains("best MAE, pu") && html.contains("MAE over the folds, pu"), "{html}");
     }
