@@ -3,27 +3,22 @@
 //! The result is that of all samples put in order first, or none: a bag that needs all of them (a clock that jumps, stamps of 0, a stream that
 //! lags behind the others by more than is waited for) is found out on the way, and is read anew.
 
+mod track;
+
 use std::collections::{BTreeSet, VecDeque};
 
 use super::align::{FARTHEST_NS, TICK_NS, most_ticks};
-use super::collect::{Collected, Collector};
+use super::collect::Collected;
 use super::edges::Edges;
-use super::evidence::{RowEvidence, StreamEvidence};
+use super::evidence::RowEvidence;
 use super::grid::{Grid, Irregular};
 use super::order;
-use super::pace::Pace;
 use super::read::Read;
-use super::streams::{OpeningCommand, PistonForce, Pressure, Sample, Value, note};
+use super::streams::{OpeningCommand, PistonForce, Pressure, Sample};
 use super::topic::RawView;
-use super::{ReadOptions, Stream, StreamHealth};
+use super::{ReadOptions, Stream};
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
-use govtwin_model::units::NANOS_PER_SECOND;
-
-/// A sample may be so late behind the newest of its own stream; one that is later shows a clock that was set back.
-const LATE_NS: i64 = order::SET_BACK_NS;
-
-/// A silent stream is waited for as long as its messages have taken at most, and so much longer.
-const LAG_NS: i64 = 10 * NANOS_PER_SECOND;
+use track::Track;
 
 /// Stamps and log times that part by more, or silences that last longer, may be a jump of time.
 const DOUBTFUL_NS: i64 = order::SET_FORWARD_NS / 4;
@@ -33,118 +28,6 @@ const MOST_WAITING: usize = 200_000;
 
 /// Rows are looked for each time so many samples have come in.
 const TOGETHER: usize = 64;
-
-/// One stream on its way into rows.
-#[derive(Debug)]
-struct Track<V> {
-    /// Samples that no row holds yet, strictly rising in stamp.
-    waiting: VecDeque<Sample<V>>,
-    /// The sample in force.
-    current: Option<Sample<V>>,
-    newest: Option<(i64, i64)>,
-    most_delay_ns: i64,
-    /// It has no topic in the bag.
-    absent: bool,
-    pace: Pace,
-    kept: u64,
-    conflict: Option<(i64, String)>,
-}
-
-impl<V: Value> Track<V> {
-    fn new(absent: bool) -> Self {
-        Self {
-            waiting: VecDeque::new(),
-            current: None,
-            newest: None,
-            most_delay_ns: i64::MIN,
-            absent,
-            pace: Pace::default(),
-            kept: 0,
-            conflict: None,
-        }
-    }
-
-    /// All samples of a collector, in order.
-    fn of(collector: &mut Collector<V>) -> Self {
-        let waiting = VecDeque::from(std::mem::take(&mut collector.samples));
-        Self { absent: waiting.is_empty(), waiting, ..Self::new(false) }
-    }
-
-    /// Takes the sample that a collector has just decoded.
-    fn qualify(&mut self, collector: &mut Collector<V>, done_ns: i64) -> Result<(), Irregular> {
-        let Some(sample) = collector.samples.pop() else { return Ok(()) };
-        if sample.stamp_ns == 0 || self.absent {
-            return Err(Irregular);
-        }
-        let delay_ns = sample.log_time_ns.saturating_sub(sample.stamp_ns);
-        let mut place = self.waiting.len();
-        if let Some((stamp_ns, log_time_ns)) = self.newest {
-            let step_ns = sample.stamp_ns.saturating_sub(stamp_ns);
-            let log_step_ns = sample.log_time_ns.saturating_sub(log_time_ns);
-            let parted_ns = step_ns.saturating_sub(log_step_ns).saturating_abs();
-            if log_step_ns < 0 || step_ns < -LATE_NS || parted_ns > DOUBTFUL_NS {
-                return Err(Irregular);
-            }
-            if step_ns < 0 {
-                collector.health.late += 1;
-            }
-            if step_ns <= 0 {
-                place = self.waiting.partition_point(|other| other.stamp_ns < sample.stamp_ns);
-            }
-        }
-        if sample.stamp_ns <= done_ns {
-            return Err(Irregular);
-        }
-        self.newest = Some((self.newest.map_or(i64::MIN, |newest| newest.0).max(sample.stamp_ns), sample.log_time_ns));
-        self.most_delay_ns = self.most_delay_ns.max(delay_ns);
-        match self.waiting.get_mut(place).filter(|other| other.stamp_ns == sample.stamp_ns) {
-            Some(other) if sample.value.same(other.value) => collector.health.duplicates += 1,
-            Some(other) => {
-                collector.health.conflicts += 1;
-                self.conflict.get_or_insert_with(|| (sample.log_time_ns, order::second_value(sample.stamp_ns)));
-                *other = sample;
-            }
-            None => self.waiting.insert(place, sample),
-        }
-        Ok(())
-    }
-
-    /// The stamp up to which no sample will come any more, at this time of recording.
-    fn final_ns(&self, log_time_ns: i64) -> i64 {
-        let Some((newest_ns, _)) = self.newest else { return if self.absent { i64::MAX } else { i64::MIN } };
-        let by_delay_ns = log_time_ns.saturating_sub(self.most_delay_ns.max(0)).saturating_sub(LAG_NS);
-        by_delay_ns.max(newest_ns.saturating_sub(LATE_NS + 1))
-    }
-
-    fn is_settled(&self) -> bool {
-        self.absent || self.current.is_some()
-    }
-
-    fn next_ns(&self) -> Option<i64> {
-        self.waiting.front().map(|sample| sample.stamp_ns)
-    }
-
-    /// Brings the sample of this stamp into force, where there is one.
-    fn advance(&mut self, time_ns: i64, evidence: &mut StreamEvidence) -> bool {
-        if self.next_ns() != Some(time_ns) {
-            return false;
-        }
-        let Some(sample) = self.waiting.pop_front() else { return false };
-        self.kept += 1;
-        self.pace.push(sample.stamp_ns);
-        evidence.sample(sample.stamp_ns, sample.log_time_ns, sample.value.number());
-        self.current = Some(sample);
-        true
-    }
-
-    fn finish(self, health: &mut StreamHealth) {
-        health.kept = self.kept;
-        health.pace = self.pace.finish();
-        if let Some((log_time_ns, fault)) = self.conflict {
-            note(health, log_time_ns, &fault);
-        }
-    }
-}
 
 /// How samples come.
 #[derive(Clone, Copy, PartialEq, Eq)]
