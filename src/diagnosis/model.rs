@@ -201,3 +201,35 @@ pub fn covariance(free_parameters: &[FreeParameter], fit: &Fit) -> DMatrix<f64> 
         .try_inverse()
         .unwrap_or_else(|| DMatrix::from_diagonal(&DVector::from_element(n, f64::INFINITY)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::{Scenario, recording};
+    use crate::likelihood::noise::expected;
+    use crate::likelihood::prepared::PreparedRecording;
+    use govtwin_model::effects::find;
+    use govtwin_model::params::reference;
+    use govtwin_model::recording::Process;
+
+    #[test]
+    fn what_is_unstretched_stands_on_the_sheet_and_keeps_its_effects() {
+        let unit = reference();
+        let process = Process::Shutdown;
+        let scenario = Scenario { unit: unit.clone(), process, rate_hz: 100.0, duration_s: 10.0, rich: false, seed: 1 };
+        let prepared = vec![PreparedRecording::new(recording(&scenario))];
+        let problem = Problem::new(prepared, &unit, &expected(&unit.sensors));
+        let sheet = FittedModel::sheet(&problem, &unit, &FreeParameter::nuisances(&unit));
+        let count = sheet.free_parameters.len();
+        let spring = find("spring").unwrap();
+        let (base, free_parameters, mut positions) =
+            sheet.with_effect(spring, Variant { size: 1.0, further: 1.0 }).unwrap();
+        positions[..count].fill(-2.0);
+        let stretched = FittedModel::unfitted(&problem, vec![spring], (base, free_parameters, positions));
+        let unstretched = stretched.unstretched(&problem);
+        assert_eq!(unstretched.fit.positions[..count], vec![0.0; count]);
+        assert_eq!(unstretched.fit.positions[count..], stretched.fit.positions[count..]);
+        assert!(unstretched.fit.prior == 0.0 && stretched.fit.prior > 4.0 && unstretched.has("spring"));
+        assert!(unstretched.cost() != sheet.cost() && unstretched.cost() != stretched.cost());
+    }
+}

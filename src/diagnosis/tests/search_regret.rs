@@ -55,24 +55,6 @@ fn a_large_chamber_leak_is_found_behind_a_stretched_sheet() {
     assert!((found / leak_m3_s_pa - 1.0).abs() < 0.15, "{found}");
 }
 
-/// A slow pilot valve behind a lost spring: the sheet's own valve frequency, stretched to its bound, stood in for it.
-#[test]
-fn an_effect_is_found_for_which_a_stretched_sheet_stands_in() {
-    let mut unit = unit("spring", 0.535);
-    let slow = find("pv_bandwidth").unwrap();
-    unit.effects.push(EffectSetting { id: slow.id.to_owned(), values: slow.completed(&[0.41]) });
-    let rich =
-        |process| Scenario { unit: unit.clone(), process, rate_hz: 100.0, duration_s: 40.0, rich: true, seed: 5 };
-    let recordings = Process::ALL.map(|process| recording(&rich(process))).to_vec();
-    let settings = DiagnosisSettings { true_values: Some(unit.clone()), ..DiagnosisSettings::default() };
-    let said = diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap();
-    let regret = said.regret.as_ref().unwrap();
-    assert!(regret.share() < SMALL_REGRET, "{regret:?}");
-    let mut ids: Vec<&str> = said.blamed.iter().map(|one| one.id.as_str()).collect();
-    ids.sort_unstable();
-    assert_eq!(ids, ["pv_bandwidth", "spring"], "{:?}", said.ranking);
-}
-
 /// A loop swings just so in a narrow band of sizes, which lies between those of a grid.
 #[test]
 fn the_size_that_makes_a_loop_swing_is_found() {
