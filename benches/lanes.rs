@@ -8,7 +8,7 @@
 //!
 //! | two lanes | four | eight (2 × AVX2) | sixteen (2 × AVX-512) | residuals of 32 units at once |
 //! |---|---|---|---|---|
-//! | 1.8 | 3.8 | 4.7 | 5.5 | 6.2 |
+//! | 1.8 | 3.6 | 4.5 | 5.2 | 6.1 |
 
 use std::hint::black_box;
 use std::io::Write;

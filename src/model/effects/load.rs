@@ -34,5 +34,5 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
 fn apply([extra_ratio]: [f64; 1], plant: &mut Plant) {
     let servo = &mut plant.servomotor;
     servo.load_closed_n *= 1.0 + extra_ratio;
-    servo.load_stiffness_n_m *= 1.0 + extra_ratio;
+    servo.load_slope_n *= 1.0 + extra_ratio;
 }

@@ -12,11 +12,8 @@
 //! | v_s | Stribeck speed, `STRIBECK_SPEED_M_S` | m/s |
 
 use crate::plant::lanes::abreast;
-use crate::plant::real::{Lanewise, Real, either};
+use crate::plant::real::{Real, either};
 use crate::units::{FRICTION_CORE_M_S, STRIBECK_SPEED_M_S};
-
-/// Inverse of the core's end, s/m.
-const CORE_1_M_S: f64 = 1.0 / FRICTION_CORE_M_S;
 
 /// A friction law.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +33,7 @@ impl<T: Real> Friction<T> {
     pub fn size_n(&self, velocity_m_s: T) -> T {
         let plain = self.static_ratio.is(1.0);
         either!(plain, self.coulomb_n, {
-            let rest = (-velocity_m_s.abs() * (1.0 / STRIBECK_SPEED_M_S)).exp_unless(plain);
+            let rest = (-velocity_m_s.abs() / STRIBECK_SPEED_M_S).exp_unless(plain);
             self.coulomb_n * ((self.static_ratio - 1.0) * rest + 1.0)
         })
     }
@@ -46,21 +43,19 @@ impl<T: Real> Friction<T> {
     #[must_use]
     pub fn force_n(&self, velocity_m_s: T) -> T {
         let one = velocity_m_s.like(1.0);
-        self.size_n(velocity_m_s) * (velocity_m_s * CORE_1_M_S).clamp(-one, one)
+        self.size_n(velocity_m_s) * (velocity_m_s / FRICTION_CORE_M_S).clamp(-one, one)
     }
 
     /// The speed that solves `resistance · v + friction(v) = push`, m/s, Stribeck's term taken at `before_m_s`.
     #[inline(always)]
     #[must_use]
     pub fn speed_m_s(&self, push_n: T, resistance_n_s_m: T, before_m_s: T) -> T {
-        let size_n = self.size_n(before_m_s);
-        let slides = (push_n.abs() - size_n).ge(resistance_n_s_m * FRICTION_CORE_M_S);
-        let (force_n, slope_n_s_m) = <(T, T)>::choose(
-            slides,
-            (push_n - size_n.copysign(push_n), resistance_n_s_m),
-            (push_n, resistance_n_s_m + size_n * CORE_1_M_S),
-        );
-        force_n / slope_n_s_m
+        either!(self.coulomb_n.is(0.0), push_n / resistance_n_s_m, {
+            let size_n = self.size_n(before_m_s);
+            let sliding = (push_n - size_n.copysign(push_n)) / resistance_n_s_m;
+            let slides = (sliding * push_n).gt(push_n.like(0.0)) & sliding.abs().ge(push_n.like(FRICTION_CORE_M_S));
+            either!(slides, sliding, push_n / (resistance_n_s_m + size_n / FRICTION_CORE_M_S))
+        })
     }
 }
 

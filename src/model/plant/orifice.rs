@@ -46,9 +46,9 @@ pub fn root<T: Real>(drop_pa: T) -> (T, T) {
             (value.copysign(drop_pa), value.like(0.5) / value)
         },
         {
-            let s = drop_pa * (1.0 / LAMINAR_PRESSURE_DROP_PA);
+            let s = drop_pa / LAMINAR_PRESSURE_DROP_PA;
             let steep = s.like(1.25);
-            (s * CORE_ROOT * (steep - s * 0.25 * s), (steep - s * 0.75 * s) * (1.0 / CORE_ROOT))
+            (s * CORE_ROOT * (steep - s * 0.25 * s), (steep - s * 0.75 * s) / CORE_ROOT)
         },
     )
 }

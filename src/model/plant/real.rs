@@ -77,23 +77,6 @@ pub trait Real:
     }
 }
 
-/// The inverses of some numbers by one division, which costs as much as many products (Montgomery 1987, *Mathematics of Computation* 48,
-/// section 10.3.1). None of them may be 0, nor their product too small for a number.
-#[inline(always)]
-#[must_use]
-pub fn inverses<T: Real, const N: usize>(mut of: [T; N]) -> [T; N] {
-    let mut before = of;
-    for k in 1..N {
-        before[k] = before[k - 1] * of[k];
-    }
-    let mut rest = before[N - 1].like(1.0) / before[N - 1];
-    for k in (1..N).rev() {
-        (of[k], rest) = (rest * before[k - 1], rest * of[k]);
-    }
-    of[0] = rest;
-    of
-}
-
 /// A truth value for each of some numbers.
 pub trait Truth<T: Real<Mask = Self>>: Copy + BitAnd<Output = Self> + BitOr<Output = Self> {
     /// Whether it holds anywhere.

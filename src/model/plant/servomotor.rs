@@ -19,8 +19,6 @@ pub struct Servomotor<T = f64> {
     pub closing_area_m2: T,
     /// Full stroke `S`, m.
     pub stroke_m: T,
-    /// Its inverse, 1/m.
-    pub inverse_stroke_1_m: T,
     /// Dead volume, each side, m³.
     pub dead_volume_m3: T,
     /// Inverse bulk modulus, 1/Pa.
@@ -33,8 +31,8 @@ pub struct Servomotor<T = f64> {
     pub friction: Friction<T>,
     /// Load towards closing at Y = 0, N.
     pub load_closed_n: T,
-    /// Load added by each metre of opening, N/m.
-    pub load_stiffness_n_m: T,
+    /// Load added at Y = 1, N.
+    pub load_slope_n: T,
     /// Yield of the end stops, m/N.
     pub stop_compliance_m_n: T,
     /// Laminar leakage from the opening into the closing chamber, m³/(s Pa).
@@ -51,14 +49,13 @@ abreast!(Servomotor {
     opening_area_m2,
     closing_area_m2,
     stroke_m,
-    inverse_stroke_1_m,
     dead_volume_m3,
     compressibility_1_pa,
     mass_kg,
     viscous_damping_n_s_m,
     friction,
     load_closed_n,
-    load_stiffness_n_m,
+    load_slope_n,
     stop_compliance_m_n,
     cross_leakage_m3_s_pa,
     cushion_n_s2_m2,
@@ -74,14 +71,13 @@ impl Servomotor {
             opening_area_m2: p.opening_area_m2,
             closing_area_m2: p.closing_area_m2,
             stroke_m: p.stroke_m,
-            inverse_stroke_1_m: 1.0 / p.stroke_m,
             dead_volume_m3: p.dead_volume_m3,
             compressibility_1_pa: 1.0 / oil.bulk_modulus_pa,
             mass_kg: p.moving_mass_kg,
             viscous_damping_n_s_m: p.viscous_damping_n_s_m,
             friction: Friction { coulomb_n: p.coulomb_friction_n, static_ratio: 1.0 },
             load_closed_n: p.load_closed_n,
-            load_stiffness_n_m: p.load_slope_n / p.stroke_m,
+            load_slope_n: p.load_slope_n,
             stop_compliance_m_n: p.stop_compliance_m_n,
             cross_leakage_m3_s_pa: 0.0,
             cushion_n_s2_m2: 0.0,
@@ -96,14 +92,14 @@ impl<T: Real> Servomotor<T> {
     #[inline(always)]
     #[must_use]
     pub fn reading_pu(&self, position_m: T) -> T {
-        position_m * self.inverse_stroke_1_m + self.reading_bias_pu
+        position_m / self.stroke_m + self.reading_bias_pu
     }
 
     /// Guide-vane load towards closing, N.
     #[inline(always)]
     #[must_use]
     pub fn load_n(&self, position_m: T) -> T {
-        self.load_closed_n + self.load_stiffness_n_m * position_m
+        self.load_closed_n + self.load_slope_n * position_m / self.stroke_m
     }
 
     /// Volume that one Pa more compresses in the opening chamber, m³/Pa.

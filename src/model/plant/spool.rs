@@ -40,8 +40,6 @@ pub struct Spool<T = f64> {
     pub free_air_share: T,
     /// Stroke of 1 pu, m.
     pub reference_stroke_m: T,
-    /// Its inverse, 1/m.
-    pub inverse_stroke_1_m: T,
     /// Stop on the closing side, m.
     pub stroke_min_m: T,
     /// Stop on the opening side, m.
@@ -71,7 +69,6 @@ abreast!(Spool {
     compressibility_1_pa,
     free_air_share,
     reference_stroke_m,
-    inverse_stroke_1_m,
     stroke_min_m,
     stroke_max_m,
     stop_compliance_m_n,
@@ -98,7 +95,6 @@ impl Spool {
             compressibility_1_pa: 1.0 / oil.bulk_modulus_pa,
             free_air_share: 0.0,
             reference_stroke_m: p.reference_stroke_m,
-            inverse_stroke_1_m: 1.0 / p.reference_stroke_m,
             stroke_min_m: p.stroke_min_m,
             stroke_max_m: p.stroke_max_m,
             stop_compliance_m_n: p.stop_compliance_m_n,
@@ -115,7 +111,7 @@ impl<T: Real> Spool<T> {
     #[inline(always)]
     #[must_use]
     pub fn reading_pu(&self, position_m: T) -> T {
-        self.reading_gain * position_m * self.inverse_stroke_1_m + self.reading_bias_pu
+        self.reading_gain * position_m / self.reference_stroke_m + self.reading_bias_pu
     }
 
     /// The position at which the transducer shows a reading, m.

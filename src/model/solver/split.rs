@@ -17,7 +17,7 @@ use crate::plant::lanes::{Abreast, Wide};
 use crate::plant::orifice::Flow;
 use crate::plant::proportional_valve::Propagator;
 use crate::plant::rates::VACUUM_PA;
-use crate::plant::real::{Real, either, inverses};
+use crate::plant::real::{Real, either};
 use crate::plant::{Blocks, Drive, Plant};
 use crate::solver::steps;
 use crate::state::State;
@@ -47,8 +47,7 @@ impl<T: Real> Oil<T> {
     #[inline(always)]
     fn at(plant: &Blocks<'_, T>, time_s: f64) -> Self {
         let viscosity_ratio = plant.supply.viscosity(time_s);
-        let one = viscosity_ratio.like(1.0);
-        Self { viscosity_ratio, fluidity_ratio: either!(viscosity_ratio.eq(one), one, one / viscosity_ratio) }
+        Self { viscosity_ratio, fluidity_ratio: viscosity_ratio.like(1.0) / viscosity_ratio }
     }
 }
 
@@ -56,8 +55,6 @@ impl<T: Real> Oil<T> {
 #[derive(Clone, Debug)]
 pub struct Split<T = f64> {
     count: u32,
-    /// Share of a tick that a step is.
-    share: f64,
     step_s: f64,
     per_step_hz: f64,
     tick_s: f64,
@@ -72,7 +69,6 @@ impl Split {
         let (count, step_s) = steps(tick_s, max_step_s);
         Self {
             count,
-            share: 1.0 / f64::from(count),
             step_s,
             per_step_hz: 1.0 / step_s,
             tick_s,
@@ -101,7 +97,6 @@ impl<T: Wide> Split<T> {
         let last = splits.len() - 1;
         Some(Self {
             count: first.count,
-            share: first.share,
             step_s: first.step_s,
             per_step_hz: first.per_step_hz,
             tick_s: first.tick_s,
@@ -136,7 +131,7 @@ impl<T: Real> Split<T> {
             let middle_m = (start_m + state.spool_position_m) * 0.5 + yield_m;
             travel_sum_m = travel_sum_m + plant.main_ports.blurred_travel_m(middle_m, drive.edge_blur_m);
         }
-        self.piston_step(plant, state, drive, oil, travel_sum_m * self.share);
+        self.piston_step(plant, state, drive, oil, travel_sum_m / f64::from(self.count));
     }
 
     /// Advances the servomotor alone by one tick; the spool is where the caller put it.
@@ -168,10 +163,8 @@ impl<T: Real> Split<T> {
         };
         let chamber = Chamber::new(net, h, spool.compliance_m3_pa(x, p));
         let weight = chamber.weight();
+        let (theta, over_theta) = weight.with_inverse();
         let gain = chamber.gain(weight, h);
-        let [of_weight, of_gain] = inverses([weight.product(), gain.denominator]);
-        let (theta, over_theta) = weight.with_inverse(of_weight);
-        let gain = gain.numerator * of_gain;
         let fill_pa = gain * net.m3_s;
 
         let a = spool.control_area_m2;
@@ -184,11 +177,8 @@ impl<T: Real> Split<T> {
 
         let next_m = x + free * h;
         let stop_m = next_m.clamp(spool.stroke_min_m, spool.stroke_max_m);
-        let (v_theta, next_v) = either!(
-            stop_m.eq(next_m),
-            (free, v + (free - v) * over_theta),
-            ((stop_m - x) * self.per_step_hz, x.like(0.0))
-        );
+        let (v_theta, next_v) =
+            either!(stop_m.eq(next_m), (free, v + (free - v) * over_theta), ((stop_m - x) / h, x.like(0.0)));
         state.spool_position_m = stop_m;
         state.spool_velocity_m_s = next_v;
         state.control_pressure_pa = (p + (fill_pa - gain * a * v_theta) * over_theta).max(p.like(VACUUM_PA));
@@ -213,10 +203,8 @@ impl<T: Real> Split<T> {
         let chamber_1 = Chamber::new(opening, h, servo.opening_compliance_m3_pa(z));
         let chamber_2 = Chamber::new(closing, h, servo.closing_compliance_m3_pa(z));
         let weight = Chamber::choose(chamber_1.is_stiffer_than(chamber_2), chamber_1, chamber_2).weight();
+        let (theta, over_theta) = weight.with_inverse();
         let (gain_1, gain_2) = (chamber_1.gain(weight, h), chamber_2.gain(weight, h));
-        let [of_weight, of_gain_1, of_gain_2] = inverses([weight.product(), gain_1.denominator, gain_2.denominator]);
-        let (theta, over_theta) = weight.with_inverse(of_weight);
-        let (gain_1, gain_2) = (gain_1.numerator * of_gain_1, gain_2.numerator * of_gain_2);
         let (fill_1_pa, fill_2_pa) = (gain_1 * opening.m3_s, gain_2 * closing.m3_s);
 
         let (a_1, a_2) = (servo.opening_area_m2, servo.closing_area_m2);
@@ -225,7 +213,7 @@ impl<T: Real> Split<T> {
         let resistance = inertia
             + a_1 * a_1 * gain_1
             + a_2 * a_2 * gain_2
-            + theta * h * servo.load_stiffness_n_m
+            + theta * h * servo.load_slope_n / servo.stroke_m
             + servo.damping_n_s_m(z, w, oil.viscosity_ratio);
         let free = servo.friction.speed_m_s(inertia * w + force_n, resistance, w);
 
@@ -233,7 +221,7 @@ impl<T: Real> Split<T> {
         let next_m = z + free * h;
         let stop_m = next_m.clamp(zero, servo.stroke_m);
         let (w_theta, next_w) =
-            either!(stop_m.eq(next_m), (free, w + (free - w) * over_theta), ((stop_m - z) * self.per_tick_hz, zero));
+            either!(stop_m.eq(next_m), (free, w + (free - w) * over_theta), ((stop_m - z) / h, zero));
         state.servomotor_position_m = stop_m;
         state.servomotor_velocity_m_s = next_w;
         state.opening_pressure_pa = (p_1 + (fill_1_pa - gain_1 * a_1 * w_theta) * over_theta).max(vacuum_pa);
@@ -244,7 +232,7 @@ impl<T: Real> Split<T> {
 /// A chamber over a step: volume stored and outflow for each pascal more, m³/Pa both.
 ///
 /// Their ratio, the step over the time in which the flow fills the chamber, is the chamber's stiffness s. What follows from s is written
-/// with the two as they are: quotients of polynomials, which a step takes all at once by [`inverses`].
+/// with the two as they are: a quotient of polynomials costs one division, of which the chain has no more than it needs.
 #[derive(Clone, Copy, Debug)]
 struct Chamber<T> {
     compliance_m3_pa: T,
@@ -288,22 +276,12 @@ impl<T: Real> Chamber<T> {
     /// Along the tangent of a root a stiff step lands as far beyond the point without flow as it started before it (Newton's step on a square
     /// root); the derivative passes over to the chord, which is twice as steep and ends at that point, by 1 + s² / (4 + s²).
     #[inline(always)]
-    fn gain(self, weight: Weight<T>, step_s: f64) -> Fraction<T> {
+    fn gain(self, weight: Weight<T>, step_s: f64) -> T {
         let (c, o) = (self.compliance_m3_pa, self.outflow_m3_pa);
         let square = o * o;
         let both = c * 4.0 * c + square;
-        Fraction {
-            numerator: weight.end_m3_pa * step_s * both,
-            denominator: weight.whole_m3_pa * c * both + weight.end_m3_pa * o * (both + square),
-        }
+        weight.end_m3_pa * step_s * both / (weight.whole_m3_pa * c * both + weight.end_m3_pa * o * (both + square))
     }
-}
-
-/// A quotient that was not taken yet.
-#[derive(Clone, Copy, Debug)]
-struct Fraction<T> {
-    numerator: T,
-    denominator: T,
 }
 
 /// θ, the weight of a step's end in its mean, as a fraction: 1/2 for chambers that fill slowly, 1 for those that fill at once.
@@ -314,16 +292,12 @@ struct Weight<T> {
 }
 
 impl<T: Real> Weight<T> {
-    /// Product of both parts of the fraction.
+    /// θ and 1/θ.
     #[inline(always)]
-    fn product(self) -> T {
-        self.end_m3_pa * self.whole_m3_pa
-    }
-
-    /// θ and 1/θ, given the inverse of their product.
-    #[inline(always)]
-    fn with_inverse(self, of_product: T) -> (T, T) {
-        (self.end_m3_pa * self.end_m3_pa * of_product, self.whole_m3_pa * self.whole_m3_pa * of_product)
+    fn with_inverse(self) -> (T, T) {
+        let product = self.end_m3_pa * self.whole_m3_pa;
+        let inverse = product.like(1.0) / product;
+        (self.end_m3_pa * self.end_m3_pa * inverse, self.whole_m3_pa * self.whole_m3_pa * inverse)
     }
 }
 

@@ -105,7 +105,7 @@ pub(super) fn large_loop(
 ) -> f64 {
     let old_pu = demand.spool_command_pu;
     let Some(share) = plant.regulator.large_loop_share(ticks) else { return old_pu };
-    let moved_pu = share * moving_s * read.servomotor_velocity_m_s * plant.servomotor.inverse_stroke_1_m;
+    let moved_pu = share * moving_s * read.servomotor_velocity_m_s / plant.servomotor.stroke_m;
     let next = plant.regulator.dithered_command_pu(read.command_pu, read.servomotor_pu + moved_pu);
     let (spool_command_pu, sd_pu) = hold.next(next);
     *demand = Demand { spool_command_pu, sd_pu };
