@@ -42,7 +42,7 @@ const WIDE: [(&str, f64); 5] = [
     ("servomotor.moving_mass_kg", 1.0),
 ];
 /// The effect that takes up where the spool's zero lies, which nobody knows without a sheet.
-pub(crate) const SPOOL_ZERO: &str = "lvdt_bias";
+const SPOOL_ZERO: &str = "lvdt_bias";
 /// Effects that only say in which units a signal was recorded.
 const UNITS_ONLY: [&str; 3] = ["lvdt_bias", "lvdt_gain", "feedback_bias"];
 
