@@ -84,6 +84,9 @@ pub const MAX_UNSENT_CHANGES_PER_READER: usize = DEFAULT_WRITER_MAX_SAMPLES;
 // bounded.
 pub const MAX_TRACKED_CHANGES_PER_WRITER: usize = DEFAULT_WRITER_MAX_SAMPLES;
 
+// A best-effort Reader still takes a sample that comes so many samples late.
+pub const MAX_LATE_SAMPLES: usize = 256;
+
 // Most sequence numbers that one HEARTBEAT can report as missing. An ACKNACK can
 // request no more than 256 (RTPS v2.5 Section 8.3.5.5), so collecting more is
 // wasted, and the range comes from the network: it may be up to 2^63 long.

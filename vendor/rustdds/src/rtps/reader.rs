@@ -759,6 +759,7 @@ impl Reader {
     );
     if !self.like_stateless {
       let my_entity_id = self.my_guid.entity_id; // to please borrow checker
+      let is_best_effort = self.reliability == policy::Reliability::BestEffort;
       if let Some(writer_proxy) = self.matched_writer_mut(writer_guid) {
         if writer_proxy.should_ignore_change(writer_sn) {
           // change already present
@@ -774,6 +775,9 @@ impl Reader {
         }
         // Add the change and get the instant
         writer_proxy.received_changes_add(writer_sn, receive_timestamp);
+        if is_best_effort {
+          writer_proxy.give_up_late_changes();
+        }
       } else {
         // no writer proxy found
         debug!(

@@ -7,7 +7,8 @@ use log::{debug, error, info, trace, warn};
 use crate::{
   discovery::sedp_messages::DiscoveredWriterData,
   rtps::constant::{
-    MAX_MISSING_PER_HEARTBEAT, MAX_PLAUSIBLE_SEQUENCE_NUMBER, MAX_TRACKED_CHANGES_PER_WRITER,
+    MAX_LATE_SAMPLES, MAX_MISSING_PER_HEARTBEAT, MAX_PLAUSIBLE_SEQUENCE_NUMBER,
+    MAX_TRACKED_CHANGES_PER_WRITER,
   },
   structure::{
     guid::{EntityId, GUID},
@@ -238,6 +239,17 @@ impl RtpsWriterProxy {
     self.enforce_change_map_cap();
   }
 
+  // Used where the Reader is best effort: no HEARTBEAT or GAP moves ack_base past
+  // what was lost, or was written before the match, and nothing is sent again. What
+  // is missing far below the newest sample is given up.
+  pub fn give_up_late_changes(&mut self) {
+    let oldest_late = self.last_received_sequence_number - SequenceNumber::from(MAX_LATE_SAMPLES);
+    if self.ack_base < oldest_late {
+      self.ack_base = oldest_late;
+      self.advance_ack_base();
+    }
+  }
+
   // Used to add individual irrelevant changes from GAP message
   pub fn set_irrelevant_change(&mut self, seq_num: SequenceNumber) {
     // If sequence number is still in the relevant range,
@@ -464,6 +476,28 @@ mod bounded_map_tests {
 
     wp.irrelevant_changes_range(first + SequenceNumber::new(10), last);
     assert!(wp.tracked_changes_count() <= MAX_TRACKED_CHANGES_PER_WRITER);
+  }
+
+  // Regression: each writer of a best-effort Reader that had written before the match
+  // took the room of MAX_TRACKED_CHANGES_PER_WRITER entries, in time.
+  #[test]
+  fn best_effort_tracks_what_may_come_late_only() {
+    let mut wp = test_proxy();
+    let receive = |wp: &mut RtpsWriterProxy, sn: i64| {
+      wp.received_changes_add(SequenceNumber::new(sn), Timestamp::INVALID);
+      wp.give_up_late_changes();
+    };
+    let newest: i64 = 50_000;
+    // Every 100th is lost.
+    for sn in (1_000..=newest).filter(|sn| sn % 100 != 0) {
+      receive(&mut wp, sn);
+      assert!(wp.tracked_changes_count() <= MAX_LATE_SAMPLES);
+    }
+    let late = SequenceNumber::new(newest - 100);
+    assert!(!wp.should_ignore_change(late));
+    receive(&mut wp, newest - 100);
+    assert!(wp.should_ignore_change(late), "a sample is received once");
+    assert!(wp.should_ignore_change(SequenceNumber::new(newest - 1_000)));
   }
 
   // Regression: with a permanently missing sample (best-effort loss) ack_base

@@ -1780,13 +1780,21 @@ impl Writer {
   ) {
     let first_keeper = if !self.like_stateless {
       // Regular stateful writer behavior
-      // All readers have acked up to this point (SequenceNumber)
+      // All readers have acked up to this point (SequenceNumber). Best-effort readers
+      // ack nothing, and nothing is repaired for them, nor by a best-effort Writer.
       let acked_by_all_readers = self
         .readers
         .values()
+        .filter(|reader| reader.qos().is_reliable())
         .map(RtpsReaderProxy::acked_up_to_before)
         .min()
-        .unwrap_or_else(SequenceNumber::zero);
+        .unwrap_or_else(|| {
+          if self.is_reliable() && self.readers.is_empty() {
+            SequenceNumber::zero()
+          } else {
+            self.send_buffer.last_change_sequence_number().plus_1()
+          }
+        });
       // If all readers have acked all up to before 5, and depth is 5, we need
       // to keep samples 0..4, i.e. from acked_up_to_before - depth .
       let depth_keeper = if let Some(depth) = depth {
@@ -3019,6 +3027,20 @@ mod tests {
         )
       }
 
+      // Announcements of participants, to the reader of another one.
+      fn spdp(sample_count: i64) -> Self {
+        let qos = Discovery::create_spdp_participant_qos();
+        Self::new(
+          EntityId::SPDP_BUILTIN_PARTICIPANT_WRITER,
+          qos.clone(),
+          EntityId::SPDP_BUILTIN_PARTICIPANT_READER,
+          &qos,
+          sample_count,
+          100,
+          None,
+        )
+      }
+
       // One more sample, for our reader alone.
       fn write_to_reader(&mut self, payload_len: usize) {
         let data = DDSData::new(SerializedPayload::new(
@@ -3374,6 +3396,40 @@ mod tests {
 
     // While the reader's send socket has queued control datagrams, a round
     // sends nothing and re-arms; once the queue drains, repair proceeds.
+    // Regression: one best-effort reader, which acknowledges nothing, kept
+    // DEFAULT_WRITER_MAX_SAMPLES samples.
+    #[test]
+    fn samples_are_kept_for_readers_that_may_request_them() {
+      let best_effort = QosPolicyBuilder::new().build();
+      let reliable = best_effort.modify_by(
+        &QosPolicyBuilder::new()
+          .reliability(Reliability::Reliable {
+            max_blocking_time: Duration::from_millis(100),
+          })
+          .build(),
+      );
+      let readers = [(&best_effort, 0, 1), (&reliable, 0, 50), (&reliable, 31, 21)];
+      for (reader_qos, acked, kept) in readers {
+        let mut f = Fixture::new(
+          EntityId::new([0, 0, 1], EntityKind::WRITER_NO_KEY_USER_DEFINED),
+          reliable.clone(),
+          EntityId::new([0, 0, 2], EntityKind::READER_NO_KEY_USER_DEFINED),
+          reader_qos,
+          50,
+          8,
+          None,
+        );
+        if acked > 0 {
+          f.ack_nack_of(f.reader_guid, acked, [], 1);
+        }
+        f.writer.handle_cache_cleaning();
+        assert_eq!(f.writer.send_buffer.retained_len(), kept, "acked {acked}");
+      }
+      let mut f = Fixture::spdp(50);
+      f.writer.handle_cache_cleaning();
+      assert_eq!(f.writer.send_buffer.retained_len(), 8);
+    }
+
     #[test]
     fn repair_waits_for_control_backlog() {
       // A loopback locator would not be used before route resolution.
