@@ -180,8 +180,14 @@ impl Calibration {
         let (n, b) = (normal.slopes, normal.terms);
         let rest = normal.gradient.len() - n;
         let squares = normal.parts.iter().fold(DMatrix::zeros(n, n), |sum, part| sum + &part.hessian);
+        let mut inverse = Cholesky::new(normal.hessian.view((0, 0), (n, n)).into_owned())?.inverse();
+        // A parameter that is held has slopes and does not follow them.
+        for held in (0..n).filter(|&k| squares[(k, k)] == 0.0) {
+            inverse.row_mut(held).fill(0.0);
+            inverse.column_mut(held).fill(0.0);
+        }
         Some(Self {
-            inverse: Cholesky::new(normal.hessian.view((0, 0), (n, n)).into_owned())?.inverse(),
+            inverse,
             squares,
             marked: normal.hessian.view((n, 0), (rest, n)).into_owned(),
             sizes: DVector::from_fn(rest, |k, _| if k < b { sizes.0 } else { sizes.1 }),
@@ -365,33 +371,36 @@ mod tests {
     use super::{BINS, Calibration, Sums, bin, edges};
     use crate::evidence::{NormalEquations, RecordingNormal};
 
-    /// A fit takes some of the noise away and errors of equations bring some: the variance of a test counts both.
+    /// A fit takes some of the noise away and errors of equations bring some: the variance of a test counts both. A parameter that is held, the last of
+    /// four, has slopes and takes nothing.
     #[test]
     fn tests_of_a_right_model_have_unit_variance() {
         const ROWS: usize = 120;
         const KAPPA: f64 = 0.3;
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let mut normal = move || -> f64 { StandardNormal.sample(&mut random) };
-        let slopes = DMatrix::from_fn(ROWS, 3, |_, _| normal());
+        let slopes = DMatrix::from_fn(ROWS, 4, |_, k| if k < 3 { normal() } else { 1.0 });
+        let followed = slopes.columns(0, 3).into_owned();
         // Errors of equations that are slow, and in part what the free parameters do as well.
         let marks = DMatrix::from_fn(ROWS, 2, |row, k| (row as f64 * (k + 1) as f64 / 40.0).sin() + slopes[(row, k)]);
-        let squares = slopes.tr_mul(&slopes);
-        let mut hessian = DMatrix::zeros(5, 5);
-        hessian.view_mut((0, 0), (3, 3)).copy_from(&(&squares + DMatrix::identity(3, 3)));
-        hessian.view_mut((3, 0), (2, 3)).copy_from(&marks.tr_mul(&slopes));
-        let part = RecordingNormal { cost: 0.0, hessian: squares.clone(), gradient: DVector::zeros(3) };
+        let mut squares = DMatrix::zeros(4, 4);
+        squares.view_mut((0, 0), (3, 3)).copy_from(&followed.tr_mul(&followed));
+        let mut hessian = DMatrix::zeros(6, 6);
+        hessian.view_mut((0, 0), (4, 4)).copy_from(&(&squares + DMatrix::identity(4, 4)));
+        hessian.view_mut((4, 0), (2, 3)).copy_from(&marks.tr_mul(&followed));
+        let part = RecordingNormal { cost: 0.0, hessian: squares.clone(), gradient: DVector::zeros(4) };
         let equations = NormalEquations {
             cost: 0.0,
-            slopes: 3,
+            slopes: 4,
             terms: 2,
             hessian,
-            gradient: DVector::zeros(5),
+            gradient: DVector::zeros(6),
             sizes: 0.0,
             log_precision: 0.0,
             parts: vec![part],
         };
         let calibration = Calibration::new(&equations, (KAPPA, 0.0)).unwrap();
-        let inverse = (&squares + DMatrix::identity(3, 3)).try_inverse().unwrap();
+        let inverse = (&followed.tr_mul(&followed) + DMatrix::identity(3, 3)).try_inverse().unwrap();
         let window = 30..70;
         let weights = DVector::from_fn(ROWS, |row, _| if window.contains(&row) { 1.0 } else { 0.0 });
         let mut squared = 0.0;
@@ -399,7 +408,7 @@ mod tests {
         for _ in 0..DRAWS {
             let errors = DVector::from_fn(2, |_, _| KAPPA * normal());
             let all = DVector::from_fn(ROWS, |_, _| normal()) + &marks * errors;
-            let left = &all - &slopes * (&inverse * slopes.tr_mul(&all));
+            let left = &all - &followed * (&inverse * followed.tr_mul(&all));
             let sums = Sums {
                 samples: 40.0,
                 residual: weights.dot(&left),
