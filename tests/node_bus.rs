@@ -2,61 +2,22 @@
 #![cfg(feature = "node")]
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use govtwin_bag::cdr;
 use govtwin_bag::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
-use govtwin_model::params;
 use govtwin_node::arguments::Arguments;
 use govtwin_node::bus::Bus;
 use govtwin_node::core::NodeInput;
-use govtwin_node::environment::Environment;
 use govtwin_node::intake::Refusal;
 use govtwin_node::live::{self, NodeResidual, RunOptions};
 use govtwin_node::player::tape::Tape;
 use govtwin_node::player::{PlayOptions, Player, Stamps};
-use govtwin_node::realtime::{Wishes, wall_ns};
+use govtwin_node::realtime::wall_ns;
 use govtwin_node::recorder::{Selection, record};
-use govtwin_node::settings::NodeSettings;
 
-/// A domain of its own, each time, so that tests that run beside this one are not heard.
-fn environment() -> Environment {
-    static FURTHER: AtomicU32 = AtomicU32::new(0);
-    let domain = 101 + (std::process::id() + FURTHER.fetch_add(1, Ordering::Relaxed)) % 100;
-    Environment::read(|name| match name {
-        "ROS_DOMAIN_ID" => Some(domain.to_string()),
-        "ROS_LOCALHOST_ONLY" => Some("1".to_owned()),
-        _ => None,
-    })
-    .unwrap()
-}
-
-/// The shipped unit as a node, without a bag and until it is stopped.
-fn options(environment: &Environment, words: &[&str]) -> RunOptions {
-    let words: Vec<String> = words.iter().map(|&word| word.to_owned()).collect();
-    RunOptions {
-        arguments: Arguments::parse(&words, "govtwin").unwrap(),
-        environment: environment.clone(),
-        unit: params::reference(),
-        map: None,
-        residual: NodeResidual::None,
-        adapt: false,
-        settings: NodeSettings { wishes: Wishes::default(), ..NodeSettings::default() },
-        read_only: false,
-        commanders: String::new(),
-        duration: None,
-        bag: None,
-    }
-}
-
-fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
-    let until = Instant::now() + Duration::from_secs(30);
-    while !condition() {
-        assert!(Instant::now() < until, "{what}: waited 30 s in vain");
-        std::thread::sleep(Duration::from_millis(10));
-    }
-}
+use super::bus::{environment, options, wait_for};
 
 #[test]
 fn the_node_hears_its_peers_tells_strangers_apart_and_leaves() {

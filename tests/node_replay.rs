@@ -2,7 +2,7 @@
 #![cfg(feature = "node")]
 
 #[path = "support/journal.rs"]
-mod journal;
+pub mod journal;
 
 use govtwin_model::frame::EsvState;
 use govtwin_model::params;

@@ -288,7 +288,7 @@ impl Bus {
     ///
     /// # Errors
     /// As [`Bus::calls`].
-    pub(super) fn call<S: Service>(
+    pub fn call<S: Service>(
         &mut self,
         mapping: ServiceMapping,
         full_name: &str,

@@ -108,6 +108,16 @@ impl TopicCounts {
     pub fn all_refused(&self) -> u64 {
         self.refused.iter().sum()
     }
+
+    /// Adds what was counted after the node began anew.
+    pub fn add(&mut self, later: &Self) {
+        self.used += later.used;
+        self.restarts += later.restarts;
+        self.lost += later.lost;
+        for (count, later) in self.refused.iter_mut().zip(later.refused) {
+            *count += later;
+        }
+    }
 }
 
 /// The gate of one topic.

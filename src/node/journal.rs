@@ -62,13 +62,24 @@ impl Journal {
     /// Where the system refuses.
     pub fn write(&mut self, tick: &Tick) -> Result<(), BagError> {
         let begins = tick.notices.has(Notices::RESET) || tick.notices.has(Notices::RESTARTED);
-        if begins && self.bag.previous.is_some() {
+        if begins {
+            self.begin_another()?;
+        }
+        self.bag.write(tick)
+    }
+
+    /// Begins another bag, where there is something in this one.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn begin_another(&mut self) -> Result<(), BagError> {
+        if self.bag.previous.is_some() {
             let mut name = self.folder.file_name().unwrap_or_default().to_owned();
             name.push(format!("_{}", self.finished.len() + 2));
             let next = OpenBag::create(&self.folder.with_file_name(name), &self.names)?;
             self.finished.push(std::mem::replace(&mut self.bag, next).writer.finish()?);
         }
-        self.bag.write(tick)
+        Ok(())
     }
 
     /// Whether the disk is full: the bag should be completed in the room that was kept for it.

@@ -12,7 +12,8 @@
 //! DDS, a lock or the allocator. `hear`, `publish` and the transport's event loop run below it in real time, discovery below them. The model's time is the count of its steps, or `/clock` where
 //! `use_sim_time` is set; what arrives takes effect at the next step.
 //!
-//! Several units of one process are nodes of their own on one participant; these threads serve all of them, and more than one may integrate.
+//! Several units of one process are nodes of their own on one participant; these threads serve all of them, and more than one may integrate. A
+//! caller who sets `use_sim_time` ends the round of `live`, and the next one opens all of it again.
 //!
 //! What it does not do: a publisher's lease, deadline and lifespan are not judged, silence is, by arrival; DDS security cannot be followed. RustDDS is the repaired copy below `vendor/`, see `transport`.
 

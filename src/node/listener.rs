@@ -111,6 +111,11 @@ impl Subscriptions {
         &self.action
     }
 
+    /// Whether all who set parameters have their responses.
+    pub(super) fn is_answered(&self) -> bool {
+        self.services.0.is_answered()
+    }
+
     /// What nodes say of themselves, where it matters who commands.
     pub(super) fn graph(&self) -> Option<&Tap> {
         self.graph.as_ref()

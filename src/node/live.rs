@@ -1,46 +1,32 @@
-//! The running node, or several in one process: opens the bus, starts the threads, keeps the books, and leaves in the right order.
+//! The running node, or several in one process: rounds of them, each from the opening of their endpoints to its end.
 
+mod kept;
+mod round;
 mod station;
 mod supervisor;
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::rc::Rc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::Thread;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use futures::channel::mpsc::UnboundedReceiver;
-use futures::channel::oneshot;
-use ros2_client::ServiceMapping;
 use ros2_client::log::LogLevel;
-use rtrb::{Consumer, Producer};
 
+use kept::{Bag, Kept};
+use round::Process;
 use station::{Parts, Station};
-use supervisor::Supervisor;
 
 use super::arguments::Arguments;
 use super::bus::{Bus, BusError};
-use super::bus_map::subscriber::OpenedTopic;
-use super::bus_map::{BusMap, InputNames};
-use super::commanders::{AllowList, Commanders};
+use super::bus_map::BusMap;
 use super::core::NodeInput;
 use super::environment::Environment;
 use super::intake::TopicCounts;
-use super::integration::{Ends, TimedEvent, pool};
-use super::journal::Journal;
-use super::listener::event::{NodeEvent, Teller, way};
-use super::listener::{Arrivals, Listener, Loop, hear};
-use super::parameters::ParameterStore;
-use super::publishers::{Outlet, publish};
-use super::realtime::{Until, Wishes, claim, claim_as_carrier, pause, resident_bytes};
-use super::refit::Refit;
-use super::services::ServiceContext;
-use super::services::replies::Replies;
+use super::realtime::Until;
 use super::settings::NodeSettings;
 use super::startup;
-use super::stats::{RunSummary, Stats};
+use super::stats::RunSummary;
 use govtwin_bag::BagError;
 use govtwin_correction::model::{Model, ModelError};
 use govtwin_model::parameters::Unit;
@@ -124,9 +110,6 @@ pub enum NodeError {
     Thread(#[from] std::io::Error),
 }
 
-/// How often the books are kept.
-const BOOKS: Duration = Duration::from_millis(20);
-
 /// Runs the node until `stop`, its duration or the fail-safe ends it.
 ///
 /// # Errors
@@ -136,7 +119,7 @@ pub fn run(options: &RunOptions, stop: &AtomicBool, say: Say<'_>) -> Result<RunE
 }
 
 /// Runs several units, each a node, on one participant and with so many threads that integrate, until `stop`, the first one's duration, or the
-/// fail-safe or a caller of one of them ends all. Returns how each ended, in their order.
+/// fail-safe or a caller of one of them ends all. Where a caller sets `use_sim_time` of one, all begin anew. Returns how each ended, in their order.
 ///
 /// # Errors
 /// As [`run`].
@@ -147,184 +130,45 @@ pub fn run_together(
     say: Say<'_>,
 ) -> Result<Vec<RunEnd>, NodeError> {
     let Some(first) = options.first() else { return Ok(Vec::new()) };
-    let (stations, parts, journals) = open(options, say)?;
-    let wishes = stations.first().map(|first| first.settings.wishes).unwrap_or_default();
-    for (level, words) in startup::claim(wishes.priority) {
-        say(level, &words);
-    }
-    let replies: Vec<Replies<'_>> = stations.iter().map(|station| Replies::new(station.begins())).collect();
     let say = RefCell::new(say);
     let tell = |level, words: &str| (say.borrow_mut())(level, words);
-    let (mut outlets, mut loops, mut hearers, mut supervisors) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for (((station, parts), journal), replies) in stations.iter().zip(parts).zip(journals).zip(&replies) {
-        let Parts { health, store, allowed, integrator, ends, subscriber, opened, names } = parts;
-        let Ends { events, refits, retired, outputs, answers } = ends;
-        let (node_events, heard) = way();
-        let action = station.subscriptions.action();
-        outlets.push(Outlet::new(
-            (&station.publishers, &station.health),
-            (outputs, answers),
-            (replies, action),
-            node_events.clone(),
-        ));
-        loops.push(integrator);
-        let name = station.bus.arguments().full_name();
-        let prefix = if options.len() > 1 { format!("{name}: ") } else { String::new() };
-        let state = Box::new(|| replies.state());
-        let heard = (health, journal, heard);
-        supervisors.push(Supervisor::new(station, heard, state, (prefix, names.clone(), subscriber), &tell));
-        let ways = (events, refits, retired);
-        let mapped = (names, opened);
-        hearers.push(Hearer { station, replies, store, allowed, node_events, ways, mapped });
-    }
-
-    let share = loops.len().div_ceil(threads.max(1));
-    let ending = AtomicBool::new(false);
-    let ending_ref = &ending;
-    let (stop_listening, listening) = oneshot::channel();
-    let (stats, lost) = std::thread::scope(|scope| {
-        let publishing = std::thread::Builder::new().name("publish".to_owned()).spawn_scoped(scope, move || {
-            claim_as_carrier(wishes.priority);
-            publish(outlets)
-        })?;
-        let (mut stepping, mut loops) = (Vec::new(), loops.into_iter());
-        for (thread, hearers) in hearers.chunks(share).enumerate() {
-            let loops: Vec<_> = loops.by_ref().take(share).collect();
-            let (publisher, node_events) = (publishing.thread().clone(), hearers[0].node_events.clone());
-            let wishes = Wishes { cpu: wishes.cpu.map(|cpu| cpu + thread), ..wishes };
-            stepping.push(std::thread::Builder::new().name("step".to_owned()).spawn_scoped(scope, move || {
-                tell_claims(wishes, &node_events);
-                // From here on this thread touches nothing that can wait.
-                drop(node_events);
-                pool::run(loops, ending_ref, &publisher)
-            })?);
-        }
-        let steppers: Vec<_> = stepping.iter().map(|stepping| stepping.thread().clone()).collect();
-        let (threads, service) = (steppers.clone(), (first.environment.service_layout, first.read_only));
-        let hearing = std::thread::Builder::new().name("hear".to_owned()).spawn_scoped(scope, move || {
-            claim_as_carrier(wishes.priority);
-            let units: Vec<_> = hearers
-                .into_iter()
-                .enumerate()
-                .map(|(n, one)| one.into_hearing(&threads[n / share], service))
-                .collect();
-            hear(units.iter().flat_map(UnitHearing::arrivals).collect(), listening);
-        })?;
-        let until = Until::after(first.duration);
-        while !stop.load(Ordering::Relaxed)
-            && !until.is_past()
-            && !stepping.iter().any(std::thread::ScopedJoinHandle::is_finished)
-        {
-            supervisors.iter_mut().for_each(Supervisor::turn);
-            pause(BOOKS);
-        }
-        ending.store(true, Ordering::Relaxed);
-        steppers.iter().for_each(std::thread::Thread::unpark);
-        let _ = stop_listening.send(());
-        let counted = stepping.into_iter().map(|one| one.join().unwrap_or_else(|_| vec![Stats::default(); share]));
-        let stats: Vec<Stats> = counted.flatten().collect();
-        let lost = publishing.join().unwrap_or_else(|_| vec![0; options.len()]);
-        let _ = hearing.join();
-        supervisors.iter_mut().for_each(Supervisor::drain);
-        Ok::<_, std::io::Error>((stats, lost))
-    })?;
-    let resident = resident_bytes();
-    let bags: Vec<_> = supervisors.iter_mut().map(Supervisor::close).collect();
-    drop(supervisors);
-    drop(replies);
-    let counts: Vec<_> =
-        stations.iter().map(|station| station.counts.lock().map(|counts| *counts).unwrap_or_default()).collect();
-    drop(stations);
-    let is_stopped = stop.load(Ordering::Relaxed);
-    let ends = stats.iter().zip(lost).zip(bags).zip(counts).map(|(((stats, lost_publications), bags), counts)| {
-        let (bags, bag_ended) = bags?;
-        let by_fail_safe = !is_stopped && stats.ended_by_fail_safe;
-        Ok(RunEnd { summary: stats.summary(resident), counts, by_fail_safe, bags, bag_ended, lost_publications })
-    });
-    ends.collect()
-}
-
-/// What is open of each unit: what its threads share, what each of them takes, and its bag.
-type Opened = (Vec<Station>, Vec<Parts>, Vec<Option<Journal>>);
-
-/// Opens the nodes of all units, then begins their bags.
-fn open(options: &[RunOptions], say: Say<'_>) -> Result<Opened, NodeError> {
     let mut told = BTreeSet::new();
-    // What is the same for all units is said once.
-    let mut say_once = |level, words: &str| {
+    // What is the same for all units, and in all rounds, is said once.
+    let mut tell_once = |level, words: &str| {
         if told.insert(words.to_owned()) {
-            say(level, words);
+            tell(level, words);
         }
     };
-    let (mut stations, mut parts, mut journals) = (Vec::<Station>::new(), Vec::new(), Vec::new());
-    for options in options {
-        let (station, of_threads) = Station::open(options, stations.first().map(|first| &first.bus), &mut say_once)?;
+    let begin = |one| Kept::begin(one, options.len() == 1, &mut tell_once);
+    let mut kept = options.iter().map(begin).collect::<Result<Vec<_>, _>>()?;
+    let mut opened = open(options, &mut kept, &mut tell_once)?;
+    let process = Process { options, threads, stop, until: Until::after(first.duration), tell: &tell };
+    while process.round(&mut kept, opened)? {
+        opened = open(options, &mut kept, &mut tell_once)?;
+    }
+    kept.into_iter().map(|kept| Ok(kept.end(stop)?)).collect()
+}
+
+/// Opens the nodes of all units on one participant, then begins their bags.
+fn open(options: &[RunOptions], kept: &mut [Kept], say: Say<'_>) -> Result<(Vec<Station>, Vec<Parts>), NodeError> {
+    let (mut stations, mut parts) = (Vec::<Station>::new(), Vec::<Parts>::new());
+    for (options, kept) in options.iter().zip(&*kept) {
+        let (station, of_threads) = Station::open(options, kept, stations.first().map(|first| &first.bus), say)?;
         stations.push(station);
         parts.push(of_threads);
     }
-    let mapped = parts.iter().filter_map(|parts: &Parts| Some(parts.subscriber.as_ref()?.bus()));
+    let mapped = parts.iter().filter_map(|parts| Some(parts.subscriber.as_ref()?.bus()));
     for words in Bus::idle_arguments_of(&stations.iter().map(|station| &station.bus).chain(mapped).collect::<Vec<_>>())
     {
-        say_once(LogLevel::Warn, &words);
+        say(LogLevel::Warn, &words);
     }
-    for (station, options) in stations.iter().zip(options) {
-        journals.push(options.bag.as_ref().map(|folder| station.journal(folder)).transpose()?);
+    for ((station, options), kept) in stations.iter().zip(options).zip(kept) {
+        if let (Bag::None, Some(folder)) = (&kept.bag, &options.bag) {
+            kept.bag = Bag::Written(station.journal(folder)?);
+        }
     }
-    Ok((stations, parts, journals))
-}
-
-/// Asks for what a thread that integrates wishes and tells what was granted.
-fn tell_claims(wishes: Wishes, node_events: &Teller) {
-    for said in claim(wishes) {
-        let (level, words) = match said {
-            Ok(words) => (LogLevel::Info, words),
-            Err(words) => (LogLevel::Warn, words),
-        };
-        node_events.tell(NodeEvent::Said(level, words));
+    for (level, words) in startup::claim(stations[0].settings.wishes.priority) {
+        say(level, &words);
     }
-}
-
-/// What the thread that hears takes of a unit.
-struct Hearer<'a, 'p> {
-    station: &'p Station,
-    replies: &'a Replies<'p>,
-    store: ParameterStore,
-    allowed: AllowList,
-    node_events: Teller,
-    ways: Ways,
-    mapped: (InputNames, Option<UnboundedReceiver<OpenedTopic>>),
-}
-
-/// The ways to the loop and back.
-type Ways = (Producer<TimedEvent>, Producer<Box<Refit>>, Consumer<Box<Refit>>);
-
-/// A unit as it hears.
-struct UnitHearing<'a, 'p> {
-    station: &'p Station,
-    replies: &'a Replies<'p>,
-    listener: Listener<'p>,
-    services: ServiceContext<'p>,
-}
-
-impl<'a, 'p> Hearer<'a, 'p> {
-    fn into_hearing(self, stepper: &Thread, (layout, read_only): (ServiceMapping, bool)) -> UnitHearing<'a, 'p> {
-        let Self { station, replies, store, allowed, node_events, ways, mapped: (names, opened) } = self;
-        let (events, refits, retired) = ways;
-        let integrator = Loop { events, refits, retired, thread: stepper.clone() };
-        let commanders = Rc::new(Commanders::new(allowed, station.subscriptions.graph(), &station.health));
-        let shared = (&station.clock, &station.health);
-        let listener =
-            Listener::new(&station.bus, integrator, node_events, &station.counts, shared, Rc::clone(&commanders))
-                .with_map(names, opened);
-        let mut services = ServiceContext::new(store, layout, &station.least);
-        services.read_only = read_only;
-        services.commanders = Some(commanders);
-        UnitHearing { station, replies, listener, services }
-    }
-}
-
-impl UnitHearing<'_, '_> {
-    fn arrivals(&self) -> Vec<Arrivals<'_>> {
-        self.listener.arrivals(&self.station.subscriptions, &self.services, self.replies)
-    }
+    Ok((stations, parts))
 }

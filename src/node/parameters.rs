@@ -79,7 +79,8 @@ impl ParameterStore {
         let choices = Domain::Choice(&OnStale::NAMES);
         add("on_stale", on_stale, choices, false, "Fail-safe: trip the ESV, hold for ever, or stop the node");
         let simulated = ParameterValue::Boolean(settings.use_sim_time);
-        add("use_sim_time", simulated, Domain::Bool, true, "Follow /clock instead of the machine's clock");
+        let follow = "Follow /clock instead of the machine's clock; where it changes, the process's nodes begin anew";
+        add("use_sim_time", simulated, Domain::Bool, false, follow);
         let cpu_doc = "Core of the integration thread, -1 for any";
         add("cpu", ParameterValue::Integer(cpu), Domain::Whole(-1, 1023), true, cpu_doc);
         let priority_doc = "SCHED_FIFO priority of the integration thread, 0 for none";
@@ -248,16 +249,20 @@ impl ParameterStore {
         }
     }
 
-    /// Whether the unit's values go together; asked once all are preset, since two may be right only together.
+    /// Whether the values go together; asked once all are set, since two may be right only together.
     ///
     /// # Errors
     /// In words, with all parameters that contradict each other.
-    pub fn check_unit(&self) -> Result<(), String> {
+    pub fn check_together(&self) -> Result<(), String> {
         let words = |conflict: Conflict| {
             let names: Vec<String> = conflict.keys.iter().map(|key| format!("{UNIT_PREFIX}{key}")).collect();
             format!("{}: {}", names.join(", "), conflict.message)
         };
-        let all: Vec<String> = conflicts(&self.unit.parameters).map(words).collect();
+        let mut all: Vec<String> = conflicts(&self.unit.parameters).map(words).collect();
+        let has = |name| self.value(name) == ParameterValue::Boolean(true);
+        if has("use_sim_time") && has("publish_clock") {
+            all.push("use_sim_time, publish_clock: a node that follows /clock cannot publish it too".to_owned());
+        }
         if all.is_empty() { Ok(()) } else { Err(all.join("; ")) }
     }
 
@@ -406,11 +411,15 @@ mod tests {
     #[test]
     fn presets_that_do_not_go_together_are_refused_once_all_are_in() {
         let mut store = store();
-        assert_eq!(store.check_unit(), Ok(()));
+        assert_eq!(store.check_together(), Ok(()));
         store.preset("unit.oil.tank_pressure_pa", &ParameterOverride::Number(1.0e6)).unwrap();
         store.preset("unit.oil.return_pressure_pa", &ParameterOverride::Number(2.0e6)).unwrap();
-        let reason = store.check_unit().unwrap_err();
+        let reason = store.check_together().unwrap_err();
         assert!(reason.contains("unit.oil.return_pressure_pa, unit.oil.tank_pressure_pa: the return line"), "{reason}");
+        assert!(!reason.contains("publish_clock"), "{reason}");
+        store.preset("use_sim_time", &ParameterOverride::Bool(true)).unwrap();
+        store.preset("publish_clock", &ParameterOverride::Bool(true)).unwrap();
+        assert!(store.check_together().unwrap_err().contains("use_sim_time, publish_clock: a node that follows"));
     }
 
     #[test]
@@ -420,7 +429,8 @@ mod tests {
         assert!(hold.description.ends_with("[s]") && !hold.read_only);
         assert_eq!(hold.floating_point_range[0].from_value.to_bits(), 0.0_f64.to_bits());
         assert!(store.describe("on_stale").additional_constraints.contains("trip"));
-        assert!(store.describe("rate").read_only && !store.describe("unit.oil.density_kg_m3").read_only);
+        assert!(store.describe("rate").read_only && !store.describe("use_sim_time").read_only);
+        assert!(!store.describe("unit.oil.density_kg_m3").read_only);
         let leak = store.describe("effects.servo_leak.leakage_m3_s_pa");
         assert!(leak.description.ends_with("[m3/(s Pa)]") && !leak.read_only, "{}", leak.description);
         assert_eq!(store.describe("nothing").r#type, 0);

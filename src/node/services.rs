@@ -140,6 +140,12 @@ impl ParameterServices {
         })
     }
 
+    /// Whether all who set parameters have their responses.
+    #[must_use]
+    pub fn is_answered(&self) -> bool {
+        self.set.is_answered() && self.set_atomically.is_answered()
+    }
+
     /// Answers calls as they come; each item says what an answer left to do.
     pub fn answers<'a>(&'a self, context: &'a ServiceContext<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
         vec![
@@ -194,10 +200,10 @@ fn set(items: &[raw::Parameter], context: &ServiceContext<'_>, aftermath: &mut A
             return refuse(reason);
         }
     }
+    if let Err(reason) = changed.check_together() {
+        return refuse(reason);
+    }
     if changed.unit() != context.store.borrow().unit() {
-        if let Err(reason) = changed.check_unit() {
-            return refuse(reason);
-        }
         if !context.room_for_twins.get() {
             return refuse("the changes before this one have not taken hold yet; try again".to_owned());
         }

@@ -118,6 +118,28 @@ impl Stats {
         }
     }
 
+    /// Adds what was counted after the nodes began anew; of an adaptation, which began anew too, only that remains.
+    pub fn add(&mut self, later: &Self) {
+        self.lateness += &later.lateness;
+        self.work += &later.work;
+        for (ages, later) in self.ages.iter_mut().zip(&later.ages) {
+            *ages += later;
+        }
+        self.ticks += later.ticks;
+        self.overruns += later.overruns;
+        self.skipped += later.skipped;
+        self.lost_outputs += later.lost_outputs;
+        self.ended_by_fail_safe |= later.ended_by_fail_safe;
+        self.ended_by_caller |= later.ended_by_caller;
+        self.residual = match (self.residual, later.residual) {
+            (Some((mut guard, _)), Some((later, adaptation))) => {
+                guard.add(&later);
+                Some((guard, adaptation))
+            }
+            (before, later) => later.or(before),
+        };
+    }
+
     /// Largest lateness so far, us.
     #[must_use]
     pub fn worst_lateness_us(&self) -> f64 {
@@ -209,7 +231,7 @@ fn megabytes(bytes: u64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::Stats;
+    use super::{GuardCounts, Stats};
 
     #[test]
     fn percentiles_of_a_known_run() {
@@ -225,6 +247,23 @@ mod tests {
         assert!((summary.command_age.p99_9_us - 2000.0).abs() < 3.0);
         assert_eq!(summary.esv_age.max_us.to_bits(), 0.0_f64.to_bits());
         assert_eq!((summary.ticks, summary.overruns), (1000, 1));
+    }
+
+    #[test]
+    fn counts_of_a_new_beginning_are_added() {
+        let (mut whole, mut later) = (Stats::default(), Stats::default());
+        let guard = |rows| (GuardCounts { rows, ..GuardCounts::default() }, None);
+        for (stats, tick_ns, rows) in [(&mut whole, 1_000_000, 3), (&mut later, 3_000_000, 4)] {
+            stats.woke(0, tick_ns, tick_ns, 1);
+            stats.ticked(&[Some(tick_ns), None, None, None]);
+            stats.residual = Some(guard(rows));
+        }
+        later.ended_by_fail_safe = true;
+        whole.add(&later);
+        let summary = whole.summary(0);
+        assert_eq!((summary.ticks, summary.overruns, whole.ended_by_fail_safe), (2, 2, true));
+        assert!((summary.lateness.max_us - 3000.0).abs() < 5.0 && (summary.command_age.p50_us - 1000.0).abs() < 2.0);
+        assert_eq!(whole.residual, Some(guard(7)));
     }
 
     #[test]

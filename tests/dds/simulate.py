@@ -2,7 +2,7 @@
 """A peer on Cyclone DDS that drives the simulation: state, steps, reset, clock, joint commands, live changes, two commanders.
 
 Usage: simulate.py GOVTWIN FOLDER   (needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain; logs go to FOLDER)
-CASES picks among: steps action live own follow rivals typos. Exits 0 when everything was as it should be, 1 otherwise, 77 without cyclonedds.
+CASES picks among: steps action live own follow anew rivals typos. Exits 0 when everything was as it should be, 1 otherwise, 77 without cyclonedds.
 """
 
 import itertools
@@ -288,6 +288,50 @@ def follow(binary, folder):
         check("it ends in order", node.end())
 
 
+def anew(binary, folder):
+    """`use_sim_time` set while the node runs, both ways: refused where it cannot be, else states flow again by the other time, with what was set."""
+    follows = lambda flag: [ros.Parameter("use_sim_time", ros.ParameterValue(1, flag, 0, 0.0, "", [], [], [], [], []))]
+    node = Node(binary, os.path.join(folder, "own_clock.txt"), "--publish-clock")
+    driver = Driver()
+    try:
+        driver.matched()
+        refusal = driver.call("set_parameters_atomically", follows(True))
+        check("a node that publishes /clock cannot follow it", refusal and not refusal.result.successful and "publish_clock" in refusal.result.reason,
+              f"({refusal.result.reason if refusal else 'no response'})")
+    finally:
+        check("it ends in order", node.end())
+    node = Node(binary, os.path.join(folder, "anew.txt"))
+    driver = Driver()
+    clock = DataWriter(driver.participant, Topic(driver.participant, "rt/clock", ros.Clock), qos=RELIABLE)
+    try:
+        driver.matched()
+        driver.call("set_parameters_atomically", [ros.Parameter("hold", double(0.7))])
+        ticks, waits = itertools.count(1), {}
+        for flag in (True, False) * 3:
+            for _ in range(100):
+                driver.inputs(0.3)
+                time.sleep(0.01)
+            response = driver.call("set_parameters_atomically", follows(flag))
+            begin, since = time.monotonic(), time.time_ns()
+            check(f"use_sim_time:={str(flag).lower()} is taken", response is not None and response.result.successful)
+            came = False
+            while not came and time.monotonic() < begin + 20:
+                driver.inputs(0.3)
+                tick = next(ticks)
+                clock.write(ros.Clock(ros.Time(1000 + tick // 100, tick % 100 * 10_000_000)))
+                stamps = [stamp_ns(state.header) for state in driver.states()]
+                came = any(stamp < 10**15 if flag else stamp > since for stamp in stamps)
+                time.sleep(0.005)
+            check("states flow by the other time", came)
+            waits.setdefault(flag, []).append(time.monotonic() - begin)
+        print("     from the response to the first state: " + "; ".join(
+            f"{time_of} {', '.join(f'{wait:.2f}' for wait in waits[flag])} s" for flag, time_of in ((True, "/clock"), (False, "the machine's"))))
+        reply = driver.ask(driver.get_call, driver.get_reply, ros.GetParametersRequest(0x1122334455667788, 9, ["hold", "use_sim_time"]), 10)
+        check("what was set is kept", reply and reply.values[0].double_value == 0.7 and not reply.values[1].bool_value)
+    finally:
+        check("it ends in order", node.end())
+
+
 def rivals(binary, folder):
     """The source of the command dies and comes back, then two say different things."""
     node = Node(binary, os.path.join(folder, "rivals.txt"), "--optional", "esv", "tank_pressure")
@@ -426,7 +470,7 @@ def action(binary, folder):
 
 def main():
     binary, folder = sys.argv[1], sys.argv[2]
-    cases = {"steps": steps, "action": action, "live": live, "follow": follow, "rivals": rivals, "typos": typos}
+    cases = {"steps": steps, "action": action, "live": live, "follow": follow, "anew": anew, "rivals": rivals, "typos": typos}
     for name in os.environ.get("CASES", " ".join(cases)).split():
         print(f"-- {name}: {cases[name].__doc__}")
         cases[name](binary, folder)

@@ -1,5 +1,8 @@
 //! The twin on the bus.
 
+#[cfg(feature = "node")]
+#[path = "../support/bus.rs"]
+mod bus;
 #[path = "../node_bus.rs"]
 mod node_bus;
 #[path = "../node_hil.rs"]
@@ -8,3 +11,5 @@ mod node_hil;
 mod node_loop;
 #[path = "../node_replay.rs"]
 mod node_replay;
+#[path = "../node_time.rs"]
+mod node_time;

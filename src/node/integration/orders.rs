@@ -68,7 +68,7 @@ impl Integrator {
     }
 
     /// Ends steps that are under way.
-    fn interrupt(&mut self) {
+    pub(super) fn interrupt(&mut self) {
         self.waits_until_ns = None;
         if let Some(steps) = self.steps.take() {
             self.answer(steps.ticket, OrderOutcome::Interrupted);

@@ -43,6 +43,8 @@ pub fn run(mut loops: Vec<Integrator>, stop: &AtomicBool, listener: &Thread) -> 
             listener.unpark();
         }
     }
+    // Who waits for steps is told that they end here.
+    loops.iter_mut().for_each(Integrator::interrupt);
     listener.unpark();
     loops.into_iter().map(Integrator::into_stats).collect()
 }

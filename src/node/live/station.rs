@@ -8,7 +8,6 @@ use futures::channel::mpsc;
 use ros2_client::log::LogLevel;
 use ros2_client::{ParameterValue, Publisher};
 
-use super::super::arguments::ParameterOverride;
 use super::super::bus::{Bus, BusError};
 use super::super::bus_map::InputNames;
 use super::super::bus_map::subscriber::{MapSubscriber, OpenedTopic};
@@ -22,11 +21,11 @@ use super::super::intake::TopicCounts;
 use super::super::integration::{Ends, Integrator};
 use super::super::journal::{Journal, Names};
 use super::super::listener::Subscriptions;
-use super::super::parameters::ParameterStore;
 use super::super::publishers::Publishers;
 use super::super::refit::Refit;
 use super::super::settings::NodeSettings;
-use super::super::{qos, startup};
+use super::super::startup;
+use super::kept::Kept;
 use super::{NodeError, NodeResidual, RunOptions, Say};
 use govtwin_correction::corrector::Corrector;
 use govtwin_correction::model::{Model, ModelError};
@@ -52,7 +51,6 @@ pub(super) struct Station {
 /// What each thread takes for itself.
 pub(super) struct Parts {
     pub(super) health: Publisher<DiagnosticArray>,
-    pub(super) store: ParameterStore,
     pub(super) allowed: AllowList,
     pub(super) integrator: Integrator,
     pub(super) ends: Ends,
@@ -63,21 +61,26 @@ pub(super) struct Parts {
 
 impl Station {
     /// Opens a unit's node, beside another one of this process where there is one.
-    pub(super) fn open(options: &RunOptions, beside: Option<&Bus>, say: Say<'_>) -> Result<(Self, Parts), NodeError> {
-        let store = parameters(options, say)?;
-        let (settings, unit) = (store.settings(), store.unit().clone());
-        let commanders = match store.value("commanders") {
+    pub(super) fn open(
+        options: &RunOptions,
+        kept: &Kept,
+        beside: Option<&Bus>,
+        say: Say<'_>,
+    ) -> Result<(Self, Parts), NodeError> {
+        let (settings, unit) = (kept.store.settings(), kept.store.unit().clone());
+        let commanders = match kept.store.value("commanders") {
             ParameterValue::String(names) => names,
             _ => String::new(),
         };
         let allowed = AllowList::parse(&commanders).map_err(NodeError::Parameter)?;
-        let corrector = corrector(options, &unit, settings.rate_hz, say)?;
-        if beside.is_some() && settings.publish_clock {
-            let words = "publish_clock:=true: several units of one process would tell several clocks; leave it out";
-            return Err(NodeError::Parameter(words.to_owned()));
-        }
+        let corrector = corrector((kept.residual(options), options.adapt), &unit, settings.rate_hz, say)?;
         for remark in options.environment.remarks.iter().chain(&options.arguments.remarks) {
             say(LogLevel::Warn, remark);
+        }
+        if settings.use_sim_time && settings.paused {
+            let words =
+                "start_paused does nothing: a node that follows /clock (use_sim_time) stands until the clock goes";
+            say(LogLevel::Warn, words);
         }
         let arguments = options.arguments.clone();
         let mut bus = match beside {
@@ -123,11 +126,11 @@ impl Station {
             settings,
             clock: ClockHeard::default(),
             health: Health::default(),
-            least: AtomicU8::new(log_level(options.arguments.log_level) as u8),
+            least: AtomicU8::new(kept.least),
             counts: Mutex::default(),
         };
         let names = InputNames::new(options.map.as_ref());
-        Ok((station, Parts { health, store, allowed, integrator, ends, subscriber, opened, names }))
+        Ok((station, Parts { health, allowed, integrator, ends, subscriber, opened, names }))
     }
 
     /// The state in which its simulation begins.
@@ -142,14 +145,19 @@ impl Station {
 }
 
 /// The learned residual, where there is one and it is of this unit.
-fn corrector(options: &RunOptions, unit: &Unit, rate_hz: f64, say: Say<'_>) -> Result<Option<Corrector>, ModelError> {
+fn corrector(
+    (residual, adapts): (&NodeResidual, bool),
+    unit: &Unit,
+    rate_hz: f64,
+    say: Say<'_>,
+) -> Result<Option<Corrector>, ModelError> {
     let ready = |model: &Model| {
         model.check(unit, Opening::Simulated)?;
         rate::check_spacing(model, nanos_from_seconds(1.0 / rate_hz))?;
         let corrector = Corrector::new(model)?;
-        if options.adapt { corrector.adapting(model) } else { Ok(corrector) }
+        if adapts { corrector.adapting(model) } else { Ok(corrector) }
     };
-    match &options.residual {
+    match residual {
         NodeResidual::None => Ok(None),
         NodeResidual::Given(model) => {
             let corrector = ready(model)?;
@@ -175,36 +183,6 @@ fn corrector(options: &RunOptions, unit: &Unit, rate_hz: f64, say: Say<'_>) -> R
     }
 }
 
-/// The node's parameters with what was given at start.
-fn parameters(options: &RunOptions, say: Say<'_>) -> Result<ParameterStore, NodeError> {
-    let settings = options.map.as_ref().map_or(options.settings, |map| map.settings(options.settings));
-    let mut store = ParameterStore::new(&settings, &options.unit);
-    store.preset("commanders", &ParameterOverride::Text(options.commanders.clone())).map_err(NodeError::Parameter)?;
-    for (name, given) in &options.arguments.parameters {
-        if name.starts_with(qos::PREFIX) {
-            // The bus knows what to do with them.
-        } else if store.value(name) == ros2_client::ParameterValue::NotSet {
-            let reason = store.preset(name, given).err().unwrap_or_default();
-            say(LogLevel::Warn, &format!("--ros-args -p {name}: {reason}"));
-        } else {
-            store.preset(name, given).map_err(NodeError::Parameter)?;
-        }
-    }
-    store.check_unit().map_err(NodeError::Parameter)?;
-    if store.settings().use_sim_time && store.settings().paused {
-        say(
-            LogLevel::Warn,
-            "start_paused does nothing: a node that follows /clock (use_sim_time) stands until the clock goes",
-        );
-    }
-    if store.settings().use_sim_time && store.settings().publish_clock {
-        let words =
-            "publish_clock:=true: a node that follows /clock (use_sim_time) cannot publish it too; give one of them";
-        return Err(NodeError::Parameter(words.to_owned()));
-    }
-    Ok(store)
-}
-
 fn names(bus: &Bus) -> Result<Names, BusError> {
     let resolve = |topic: &str| bus.arguments().resolve(topic);
     let [command, esv, tank_pressure, load] = NodeInput::ALL.map(NodeInput::topic);
@@ -213,16 +191,6 @@ fn names(bus: &Bus) -> Result<Names, BusError> {
         servo_state: resolve("sim/servo_state")?,
         joint_states: resolve("sim/joint_states")?,
     })
-}
-
-fn log_level(level: ros2args::LogLevel) -> LogLevel {
-    match level {
-        ros2args::LogLevel::Debug => LogLevel::Debug,
-        ros2args::LogLevel::Info => LogLevel::Info,
-        ros2args::LogLevel::Warn => LogLevel::Warn,
-        ros2args::LogLevel::Error => LogLevel::Error,
-        ros2args::LogLevel::Fatal => LogLevel::Fatal,
-    }
 }
 
 #[cfg(test)]

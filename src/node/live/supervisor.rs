@@ -1,9 +1,7 @@
 //! The books of a running node: words, bag, diagnostics, and what is wrong with its peers.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use ros2_client::log::LogLevel;
@@ -12,7 +10,7 @@ use ros2_client::{Gid, Publisher, RosoutRaw};
 use super::super::bus::Bus;
 use super::super::bus_map::InputNames;
 use super::super::bus_map::subscriber::MapSubscriber;
-use super::super::clock::{self, Watch};
+use super::super::clock::Watch;
 use super::super::control::RunState;
 use super::super::core::NodeInput;
 use super::super::diagnostics::{self, DiagnosticArray, TimeKeeping};
@@ -25,6 +23,7 @@ use super::super::realtime::{Until, monotonic_ns, wall_ns};
 use super::super::settings::NodeSettings;
 use super::super::startup::INPUTS;
 use super::super::words;
+use super::kept::Bag;
 use super::station::Station;
 use govtwin_bag::BagError;
 
@@ -36,20 +35,16 @@ const MOST_EVENTS: usize = 4096;
 
 /// The books of one unit: words, bag, diagnostics.
 pub(super) struct Supervisor<'a> {
+    station: &'a Station,
     bus: &'a Bus,
     diagnostics: Publisher<DiagnosticArray>,
-    counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
     settings: NodeSettings,
-    journal: Option<Journal>,
-    /// The bags of a journal that ended before the node, and why it did.
-    ended: Option<(Vec<PathBuf>, String)>,
+    bag: Bag,
     strangers: BTreeSet<Gid>,
-    clock: &'a clock::ClockHeard,
     watch: Watch,
     state: Box<dyn Fn() -> RunState + 'a>,
     competing_clock: bool,
-    health: (&'a Health, bool),
-    least: &'a AtomicU8,
+    is_name_taken: bool,
     heard: Taker,
     second: Until,
     newest: Option<TickOutput>,
@@ -65,25 +60,22 @@ impl<'a> Supervisor<'a> {
     /// The books of a unit that begins; `state` says whether its simulation runs.
     pub(super) fn new(
         station: &'a Station,
-        (diagnostics, journal, heard): (Publisher<DiagnosticArray>, Option<Journal>, Taker),
+        (diagnostics, bag, heard): (Publisher<DiagnosticArray>, Bag, Taker),
         state: Box<dyn Fn() -> RunState + 'a>,
         (prefix, names, subscriber): (String, InputNames, Option<MapSubscriber>),
         say: &'a dyn Fn(LogLevel, &str),
     ) -> Self {
         Self {
+            station,
             bus: &station.bus,
             diagnostics,
-            counts: &station.counts,
             settings: station.settings,
-            journal,
-            ended: None,
+            bag,
             strangers: BTreeSet::new(),
-            clock: &station.clock,
             watch: Watch::new(monotonic_ns()),
             state,
             competing_clock: false,
-            health: (&station.health, false),
-            least: &station.least,
+            is_name_taken: false,
             heard,
             second: Until::after(Some(SECOND)),
             newest: None,
@@ -115,7 +107,7 @@ impl<'a> Supervisor<'a> {
         self.look_for_mismatches();
         self.look_at_the_clock();
         self.look_for_namesakes();
-        let counts = self.counts.lock().map(|counts| *counts).unwrap_or_default();
+        let counts = self.station.counts.lock().map(|counts| *counts).unwrap_or_default();
         let array = diagnostics::compile(
             &self.bus.arguments().full_name(),
             wall_ns(),
@@ -126,43 +118,34 @@ impl<'a> Supervisor<'a> {
             TimeKeeping {
                 state: (self.state)(),
                 clock: self.settings.use_sim_time.then(|| self.watch.state()),
-                bag: match (&self.journal, &self.ended) {
-                    (Some(_), _) => Some((0, "written")),
-                    (None, Some(_)) => Some((2, "ended; what comes now is not recorded")),
-                    (None, None) => None,
-                },
-                health: self.health.0.flags(),
+                bag: self.bag.state(),
+                health: self.station.health.flags(),
             },
         );
         // Nobody may be listening; the next second brings the next one.
         let _ = self.diagnostics.publish(array);
     }
 
-    /// Writes to the bag. Where the disk is full, or the system refuses, the bag ends, which is told, and the node goes on without it.
-    fn write(&mut self, act: impl FnOnce(&mut Journal) -> Result<(), BagError>) {
-        let Some(journal) = &mut self.journal else { return };
-        let written = act(journal);
-        if written.is_ok() && !journal.is_full() {
-            return;
+    /// Writes to the bag; where that ends, it is told, and the node goes on without it.
+    pub(super) fn write(&mut self, act: impl FnOnce(&mut Journal) -> Result<(), BagError>) {
+        if let Some(words) = self.bag.write(act) {
+            self.tell(LogLevel::Error, &words);
         }
-        let finished = self.journal.take().map_or(Ok(Vec::new()), |journal| written.and_then(|()| journal.finish()));
-        let (bags, words) = match finished {
-            Ok(bags) => (bags, "the disk is full: the bag ends here, complete; the node runs on without it".to_owned()),
-            Err(error) => {
-                let saved = "`govtwin recover` saves what is in its .unfinished folder";
-                (Vec::new(), format!("the bag ends here ({error}); {saved}; the node runs on without it"))
-            }
-        };
-        self.tell(LogLevel::Error, &words);
-        self.ended = Some((bags, words));
     }
 
-    /// Completes the bag, where it did not end before; gives all bags, and why they ended before the node.
-    pub(super) fn close(&mut self) -> Result<(Vec<PathBuf>, Option<String>), BagError> {
-        if let Some((bags, words)) = self.ended.take() {
-            return Ok((bags, Some(words)));
-        }
-        Ok((self.journal.take().map(Journal::finish).transpose()?.unwrap_or_default(), None))
+    /// Gives the bag away.
+    pub(super) fn take_bag(&mut self) -> Bag {
+        std::mem::replace(&mut self.bag, Bag::None)
+    }
+
+    /// Whether a caller set another time than that by which the node was opened.
+    pub(super) fn has_another_time(&self) -> bool {
+        self.settings.use_sim_time != self.station.settings.use_sim_time
+    }
+
+    /// Tells that this node begins anew with the others of its process.
+    pub(super) fn tell_of_beginning(&mut self) {
+        self.tell(LogLevel::Warn, "use_sim_time was changed: the nodes of this process begin anew");
     }
 
     /// Tells of senders that announce another type on an input's topic; some middlewares match them, none can be used.
@@ -198,7 +181,7 @@ impl<'a> Supervisor<'a> {
     fn look_at_the_clock(&mut self) {
         let writers = self.bus.arguments().resolve("/clock").map_or(0, |name| self.bus.writers_of(&name));
         if self.settings.use_sim_time {
-            if let Some((level, words)) = self.watch.look(self.clock, writers, monotonic_ns()) {
+            if let Some((level, words)) = self.watch.look(&self.station.clock, writers, monotonic_ns()) {
                 self.tell(level, &words);
             }
         } else if self.settings.publish_clock && writers > 0 && !std::mem::replace(&mut self.competing_clock, true) {
@@ -210,14 +193,14 @@ impl<'a> Supervisor<'a> {
     fn look_for_namesakes(&mut self) {
         let name = self.bus.arguments().full_name();
         let is_taken = self.bus.servers_of(&format!("{name}/get_parameters")) > 0;
-        self.health.0.set_node(if is_taken { Health::NAME_TAKEN } else { 0 });
-        if is_taken && !std::mem::replace(&mut self.health.1, is_taken) {
+        self.station.health.set_node(if is_taken { Health::NAME_TAKEN } else { 0 });
+        if is_taken && !std::mem::replace(&mut self.is_name_taken, is_taken) {
             let words = format!(
                 "another node is called {name}: both answer its callers; start one of them with `-r __node:=OTHER`"
             );
             self.tell(LogLevel::Error, &words);
         }
-        self.health.1 = is_taken;
+        self.is_name_taken = is_taken;
     }
 
     /// Tells of endpoints that cannot be matched.
@@ -259,7 +242,7 @@ impl<'a> Supervisor<'a> {
     }
 
     fn tell(&mut self, level: LogLevel, words: &str) {
-        if (level as u8) < self.least.load(Ordering::Relaxed) {
+        if (level as u8) < self.station.least.load(Ordering::Relaxed) {
             return;
         }
         (self.say)(level, &format!("{}{words}", self.prefix));

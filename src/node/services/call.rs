@@ -7,6 +7,7 @@
 mod delivery;
 
 use std::sync::Mutex;
+use std::time::Duration;
 
 use futures::stream::{LocalBoxStream, StreamExt, select};
 use ros2_client::{Gid, MessageInfo, ServiceMapping, Subscription};
@@ -107,6 +108,12 @@ impl Calls {
         let body = Bytes::from([head, &encoded[HEAD.len()..]].concat());
         let Ok(mut delivery) = self.delivery.lock() else { return false };
         delivery.take(Response { request: caller.request, body }).into_iter().all(|due| self.send(&due))
+    }
+
+    /// Whether all responses have arrived.
+    pub(super) fn is_answered(&self) -> bool {
+        let has_sent_all = self.delivery.lock().is_ok_and(|delivery| !delivery.has_waiting());
+        has_sent_all && self.responses.wait_for_acknowledgments(Duration::ZERO).unwrap_or(true)
     }
 
     /// Counts the clients of a participant where one of them calls for the first time: each has a reader that must be matched.

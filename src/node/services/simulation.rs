@@ -205,7 +205,9 @@ pub(super) fn result(answer: &Answer) -> SimulationResult {
             refuse(SimulationResult::OPERATION_FAILED, "the simulation plays: pause it before you step it")
         }
         OrderOutcome::Busy => refuse(SimulationResult::INCORRECT_STATE, "other callers are before this one"),
-        OrderOutcome::Interrupted => refuse(SimulationResult::OPERATION_FAILED, "another call ended the steps early"),
+        OrderOutcome::Interrupted => {
+            refuse(SimulationResult::OPERATION_FAILED, "another call, or the node's end, ended the steps early")
+        }
         OrderOutcome::InputsMissing(missing) => {
             let missing: Vec<&str> = NodeInput::NAMES
                 .into_iter()

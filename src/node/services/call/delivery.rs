@@ -63,6 +63,11 @@ impl Delivery {
         readers.into_iter().map(|reader| (reader, response.clone())).collect()
     }
 
+    /// Whether a response waits for its reader.
+    pub(super) fn has_waiting(&self) -> bool {
+        !self.waiting.is_empty()
+    }
+
     /// A reader is matched: gives what waited for it.
     pub(super) fn matched(&mut self, reader: GUID) -> Vec<(GUID, Response)> {
         self.readers.insert(reader);
