@@ -50,6 +50,11 @@ pub(super) fn only_simulated(measured: &str, simulated: &str) -> Finding {
     }
 }
 
+/// A command that a historian compressed, nobody knows how much.
+pub(super) const COMPRESSED_UNSAID: &str = "a historian kept few points of the command, and nothing says how far it was from the lines between them; give \
+     `deviation_percent` of `opening_command` in the map (the historian's deviations of compression and exception, in % of the stroke), or export what was \
+     not compressed";
+
 /// A command that a historian compressed.
 pub(super) fn compressed(deviation_pu: f64) -> String {
     format!(

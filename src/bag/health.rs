@@ -59,11 +59,12 @@ impl Health {
         self.files.iter().find_map(|file| file.about.get(key)).map(String::as_str)
     }
 
-    /// How far the command may have been from that of its messages, pu: between the few points of a historian; else 0.
+    /// How far the command may have been from that of its messages, pu, between the few points of a historian: infinite where nobody says it; 0 where
+    /// it was not compressed.
     #[must_use]
     pub fn command_deviation_pu(&self) -> f64 {
         let stated =
-            |file: &FileHealth| file.about.get(COMMAND_DEVIATION)?.parse().ok().filter(|pu: &f64| pu.is_finite());
+            |file: &FileHealth| file.about.get(COMMAND_DEVIATION)?.parse().ok().filter(|pu: &f64| !pu.is_nan());
         self.files.iter().filter_map(stated).fold(0.0, f64::max)
     }
 

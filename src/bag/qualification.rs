@@ -357,8 +357,11 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
 /// A command of which a historian kept few points, as its files say.
 pub(super) fn of_command(topic: &str, deviation_pu: f64) -> Vec<Finding> {
     let mut found = vec![];
-    if deviation_pu > 0.0 {
-        Found::new(topic, &mut found).warn(Kind::Compressed, findings::compressed(deviation_pu));
+    let mut there = Found::new(topic, &mut found);
+    if deviation_pu == f64::INFINITY {
+        there.add(Severity::Disqualified, Kind::Compressed, findings::COMPRESSED_UNSAID.to_owned());
+    } else if deviation_pu > 0.0 {
+        there.warn(Kind::Compressed, findings::compressed(deviation_pu));
     }
     found
 }

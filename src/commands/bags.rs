@@ -282,7 +282,7 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
         let Bag { path, name } = bag;
         let scaled = scale.filter(TimeScale::is_other).map(|scale| scale.words(!agree));
         let taken = taken.and_then(|taken| match untrusted(&taken, topics, unit, scaled.clone().filter(|_| agree)) {
-            Some(reason) => Err(format!("{}: {reason}", path.display())),
+            Some(reason) => Err(format!("{name}: {reason}")),
             None => Ok(taken),
         });
         let (health, left_out, excerpt) = match taken {

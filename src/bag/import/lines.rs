@@ -28,9 +28,6 @@ const CLEAR: f64 = 0.6;
 const FITS_PU: f64 = 0.05;
 const MATTERS_PU: f64 = 0.01;
 
-/// How far a historian lets a command be from its line where nobody says it, pu: 0.2 % of the span by compression and 0.1 % before that, as exceptions.
-const USUAL_DEVIATION_PU: f64 = 0.003;
-
 /// What a command does between its points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Between {
@@ -64,11 +61,11 @@ pub(super) enum Course {
 }
 
 impl Course {
-    /// How far the command may have been from what was taken, pu, where its map does not say it.
+    /// How far the command may have been from what was taken, pu, where its map does not say it; infinite where nothing tells.
     pub(super) fn deviation_pu(self) -> f64 {
         match self {
             Self::Dense | Self::Hold => 0.0,
-            Self::Line { .. } => USUAL_DEVIATION_PU,
+            Self::Line { .. } => f64::INFINITY,
             Self::Unknown { apart_pu, .. } => apart_pu,
         }
     }
@@ -81,12 +78,9 @@ impl Course {
                     "opening_command: {points} points at its corners, as a compressing historian keeps them; the servomotor follows straight \
                      lines between them, on which {added} points were added; measured signals stay at their points"
                 );
-                let question = format!(
-                    "opening_command: how far the historian lets it be from its lines, the file does not say; taken as {} % of the stroke. Give \
-                     `deviation_percent` in the map, or export what was not compressed: faults that change less do not show",
-                    USUAL_DEVIATION_PU * 100.0
-                );
-                (Some(note), stated_pu.is_none().then_some(question))
+                let question = "opening_command: how far the historian lets it be from its lines, the file does not say; `fit` and `diagnose` need \
+                                `deviation_percent` in the map, or what was not compressed";
+                (Some(note), stated_pu.is_none().then(|| question.to_owned()))
             }
             Self::Unknown { points, apart_pu } => {
                 let question = format!(
