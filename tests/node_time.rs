@@ -88,10 +88,18 @@ impl Setter {
     }
 }
 
+/// The topics of one unit, from the bench's end.
+struct Commanded {
+    command: Publisher<GovernorCommand>,
+    esv: Publisher<EsvState>,
+    pressure: Publisher<FluidPressure>,
+    states: Subscription<ServoState>,
+}
+
 /// A bench that commands a unit at the machine's time and publishes a clock from 1000 s on.
 struct Bench {
     peer: Bus,
-    units: Vec<(Publisher<GovernorCommand>, Publisher<EsvState>, Publisher<FluidPressure>, Subscription<ServoState>)>,
+    units: Vec<Commanded>,
     clock: Publisher<Clock>,
     clock_ns: i64,
 }
@@ -106,13 +114,11 @@ enum TimeOf {
 impl Bench {
     fn new(environment: &Environment, namespaces: &[&str]) -> Self {
         let mut peer = Bus::open(environment, Arguments::parse(&[], "bench").unwrap()).unwrap();
-        let unit = |space: &&str| {
-            (
-                peer.publish(&format!("{space}/governor/command"), GovernorCommand::TYPE_NAME).unwrap(),
-                peer.publish(&format!("{space}/governor/esv"), EsvState::TYPE_NAME).unwrap(),
-                peer.publish(&format!("{space}/governor/tank_pressure"), FluidPressure::TYPE_NAME).unwrap(),
-                peer.subscribe(&format!("{space}/sim/servo_state")).unwrap(),
-            )
+        let unit = |space: &&str| Commanded {
+            command: peer.publish(&format!("{space}/governor/command"), GovernorCommand::TYPE_NAME).unwrap(),
+            esv: peer.publish(&format!("{space}/governor/esv"), EsvState::TYPE_NAME).unwrap(),
+            pressure: peer.publish(&format!("{space}/governor/tank_pressure"), FluidPressure::TYPE_NAME).unwrap(),
+            states: peer.subscribe(&format!("{space}/sim/servo_state")).unwrap(),
         };
         let units = namespaces.iter().map(unit).collect();
         let clock = peer.publish("/clock", Clock::TYPE_NAME).unwrap();
@@ -125,15 +131,15 @@ impl Bench {
         wait_for(&format!("states by {times:?}"), || {
             commands += 1;
             self.clock_ns += 10_000_000;
-            for (command, esv, pressure, _) in &self.units {
+            for Commanded { command, esv, pressure, .. } in &self.units {
                 let header = Header::at(wall_ns());
                 command.publish(GovernorCommand { header: header.clone(), opening: 0.4 }).unwrap();
                 esv.publish(EsvState { header: header.clone(), state: EsvState::NORMAL }).unwrap();
                 pressure.publish(FluidPressure { header, fluid_pressure: 6.3e6, variance: 0.0 }).unwrap();
             }
             self.clock.publish(Clock { clock: Header::at(self.clock_ns).stamp }).unwrap();
-            for (((.., states), time), in_row) in self.units.iter().zip(times).zip(&mut in_row) {
-                while let Ok(Some((state, _))) = states.take() {
+            for ((unit, time), in_row) in self.units.iter().zip(times).zip(&mut in_row) {
+                while let Ok(Some((state, _))) = unit.states.take() {
                     let stamp_ns = state.header.stamp.nanos().unwrap();
                     let of = if stamp_ns < wall_ns() / 2 { TimeOf::Clock } else { TimeOf::Machine };
                     *in_row = if of == *time { *in_row + 1 } else { 0 };

@@ -164,7 +164,7 @@ fn open(options: &[RunOptions], kept: &mut [Kept], say: Say<'_>) -> Result<(Vec<
     }
     for ((station, options), kept) in stations.iter().zip(options).zip(kept) {
         if let (Bag::None, Some(folder)) = (&kept.bag, &options.bag) {
-            kept.bag = Bag::Written(station.journal(folder)?);
+            kept.bag = Bag::Written(Box::new(station.journal(folder)?));
         }
     }
     for (level, words) in startup::claim(stations[0].settings.wishes.priority) {

@@ -75,7 +75,7 @@ pub(super) enum Bag {
     /// None is wanted.
     None,
     /// It is written.
-    Written(Journal),
+    Written(Box<Journal>),
     /// It ended before the node: what is complete of it, and why.
     Ended(Vec<PathBuf>, String),
 }
