@@ -5,7 +5,7 @@ use std::path::Path;
 use super::BagError;
 use super::streams::Sample;
 use govtwin_model::frame::Frame;
-use govtwin_model::units::seconds_from_nanos;
+use govtwin_model::units::{TICK_NS, seconds_from_nanos};
 
 /// The most rows that resampling may make of a recording: 2.7 h at 1 ms, about 0.8 GB, and several times that in a fit.
 pub(super) const ROW_LIMIT: i64 = 10_000_000;
@@ -36,8 +36,6 @@ pub(super) fn check(rows: &[Frame], grid_ns: Option<i64>, path: &Path) -> Result
     at_most(most_ticks(rows.len().saturating_add(usize::try_from(laid).unwrap_or_default())), TICK_NS).map(drop)
 }
 
-/// The tick of a twin, ns.
-pub(super) const TICK_NS: i64 = 1_000_000;
 /// Of a recording that is longer, so many ticks for each of its rows.
 const TICKS_A_ROW: i64 = 1000;
 

@@ -7,7 +7,7 @@ mod track;
 
 use std::collections::{BTreeSet, VecDeque};
 
-use super::align::{FARTHEST_NS, TICK_NS, most_ticks};
+use super::align::{FARTHEST_NS, most_ticks};
 use super::collect::Collected;
 use super::edges::Edges;
 use super::evidence::RowEvidence;
@@ -18,6 +18,7 @@ use super::streams::{OpeningCommand, PistonForce, Pressure, Sample};
 use super::topic::RawView;
 use super::{ReadOptions, Stream};
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin_model::units::TICK_NS;
 use track::Track;
 
 /// Stamps and log times that part by more, or silences that last longer, may be a jump of time.

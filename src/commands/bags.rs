@@ -12,6 +12,7 @@ use govtwin_bag::import::Map;
 use govtwin_bag::{Health, Interpolation, Positions, ReadOptions, Stream, Topics, Warning};
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
+use govtwin_model::units::TICK_NS;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use tempfile::TempDir;
 
@@ -25,9 +26,6 @@ pub use find::holds_bags;
 pub use find::{find, is_bag_folder};
 pub use pressure::doubt_of_pressure;
 pub use time_scale::TimeScale;
-
-/// Time between rows of a recording that is simulated many times, ns: the twin's own tick.
-const TICK_NS: i64 = 1_000_000;
 
 /// One bag to read.
 #[derive(Clone, Debug, PartialEq, Eq)]

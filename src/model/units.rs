@@ -3,6 +3,9 @@
 /// Nanoseconds in one second.
 pub const NANOS_PER_SECOND: i64 = 1_000_000_000;
 
+/// The usual tick of a twin, that of the small loop, ns.
+pub const TICK_NS: i64 = 1_000_000;
+
 /// Pressure drop below which an orifice is taken as laminar, in Pa.
 ///
 /// The square-root law has an infinite slope at zero drop; real orifices turn laminar there

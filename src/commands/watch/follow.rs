@@ -11,12 +11,10 @@ use govtwin_diagnosis::watch::cut::{CutProcess, Cutter};
 use govtwin_model::frame::Frame;
 use govtwin_model::parameters::Unit;
 use govtwin_model::provenance::RecordingGiven;
+use govtwin_model::units::TICK_NS;
 
 use crate::commands::bags::{self, is_bag_folder};
 use crate::commands::provenance;
-
-/// Time between rows, ns: the twin's own tick.
-const TICK_NS: i64 = 1_000_000;
 
 /// What is known of a bag.
 #[derive(Debug)]

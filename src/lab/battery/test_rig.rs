@@ -16,7 +16,7 @@ use govtwin_diagnosis::result::test_script::TestScript;
 use govtwin_model::frame::{EsvState, Inputs, Signals};
 use govtwin_model::parameters::{Parameters, Sensor, Sensors};
 use govtwin_model::recording::Process;
-use govtwin_model::units::nanos_from_seconds;
+use govtwin_model::units::{TICK_NS, nanos_from_seconds};
 
 /// Ticks of 1 ms in which a rig comes to rest before the recording starts.
 const SETTLING_TICKS: i64 = 2000;
@@ -26,7 +26,6 @@ const CONTROL_TICKS: i64 = 10;
 const TANK_TICKS: i64 = 50;
 /// Ticks between two reports of the ESV.
 const ESV_TICKS: i64 = 1000;
-const TICK_NS: i64 = 1_000_000;
 /// Stamp of the first row of the first process, ns since 1970; the others follow an hour apart.
 const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 

@@ -5,12 +5,10 @@ use crate::frame::{EsvState, Frame};
 use crate::recording::{Recording, SLOW_NS};
 use crate::signal::{Signal, span};
 use crate::twin::{Cut, Twin};
+use crate::units::TICK_NS;
 
 /// Places tried between two rows before the search narrows.
 const PLACES: i64 = 20;
-
-/// Where the search ends: the twin's tick, ns.
-const TICK_NS: i64 = 1_000_000;
 
 /// So long after a trip its time shows, and hardly what else differs between twin and unit, ns.
 const JUDGED_NS: i64 = 1_000_000_000;
