@@ -144,7 +144,14 @@ pub fn run_together(
     let mut opened = open(options, &mut kept, &mut tell_once)?;
     let process = Process { options, threads, stop, until: Until::after(first.duration), tell: &tell };
     while process.round(&mut kept, opened)? {
-        opened = open(options, &mut kept, &mut tell_once)?;
+        opened = match open(options, &mut kept, &mut tell_once) {
+            Ok(again) => again,
+            Err(error) => {
+                // What was recorded is kept.
+                kept.into_iter().try_for_each(|kept| kept.end(stop).map(drop))?;
+                return Err(error);
+            }
+        };
     }
     kept.into_iter().map(|kept| Ok(kept.end(stop)?)).collect()
 }
