@@ -100,8 +100,7 @@ impl Arguments {
     }
 
     /// The same for a node that helps this one, under one of the names that ROS 2 hides.
-    #[must_use]
-    pub fn helper(&self, what: &str) -> Self {
+    pub(crate) fn helper(&self, what: &str) -> Self {
         let name = format!("_{}_{what}", self.name);
         Self { name, rosout: false, remarks: Vec::new(), ..self.clone() }
     }
@@ -113,8 +112,7 @@ impl Arguments {
     }
 
     /// Remappings that no name among `opened` is behind, in words; `opened` are full names before remapping.
-    #[must_use]
-    pub fn idle_remappings(&self, opened: &BTreeSet<String>) -> Vec<String> {
+    pub(crate) fn idle_remappings(&self, opened: &BTreeSet<String>) -> Vec<String> {
         let idle = self.rules.iter().filter(|(from, _)| !opened.contains(from));
         let words = |(from, to): &(String, String)| {
             format!("-r {from}:={to} matches no topic or service of this node{}", hint(from, opened))
@@ -126,7 +124,7 @@ impl Arguments {
     ///
     /// # Errors
     /// Where `topic` is no name.
-    pub fn expand(&self, topic: &str) -> Result<String, Ros2ArgsError> {
+    pub(crate) fn expand(&self, topic: &str) -> Result<String, Ros2ArgsError> {
         expand_topic_name(&self.namespace, &self.name, topic)
     }
 

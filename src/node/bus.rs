@@ -109,7 +109,7 @@ impl Bus {
     ///
     /// # Errors
     /// When the node's name is none.
-    pub fn beside(&self, arguments: Arguments) -> Result<Self, BusError> {
+    pub(crate) fn beside(&self, arguments: Arguments) -> Result<Self, BusError> {
         Self::of(self.context.clone(), arguments, self.context.domain_id())
     }
 
@@ -129,8 +129,7 @@ impl Bus {
     }
 
     /// The client library's node.
-    #[must_use]
-    pub fn node(&self) -> &Node {
+    pub(crate) fn node(&self) -> &Node {
         &self.node
     }
 
@@ -244,7 +243,11 @@ impl Bus {
     ///
     /// # Errors
     /// As [`Bus::publish`].
-    pub fn publish_kept<M: Serialize>(&mut self, topic: &str, type_name: &str) -> Result<Publisher<M>, BusError> {
+    pub(crate) fn publish_kept<M: Serialize>(
+        &mut self,
+        topic: &str,
+        type_name: &str,
+    ) -> Result<Publisher<M>, BusError> {
         self.publish_as(topic, (type_name, None), kept())
     }
 
@@ -252,7 +255,7 @@ impl Bus {
     ///
     /// # Errors
     /// As [`Bus::calls`].
-    pub fn offer<S: Service>(&mut self, service: &str) -> Result<Calls, BusError> {
+    pub(crate) fn offer<S: Service>(&mut self, service: &str) -> Result<Calls, BusError> {
         self.calls(service, S::TYPE_NAME)
     }
 
@@ -260,7 +263,7 @@ impl Bus {
     ///
     /// # Errors
     /// On a name that is none, or when DDS refuses.
-    pub fn calls(&mut self, service: &str, type_name: &str) -> Result<Calls, BusError> {
+    pub(crate) fn calls(&mut self, service: &str, type_name: &str) -> Result<Calls, BusError> {
         let full_name = self.arguments.resolve(service)?;
         self.opened.insert(self.arguments.expand(service)?);
         parse_name(&full_name)?;
@@ -311,8 +314,7 @@ impl Bus {
     }
 
     /// The same of several nodes that were given the same arguments.
-    #[must_use]
-    pub fn idle_arguments_of(buses: &[&Self]) -> BTreeSet<String> {
+    pub(crate) fn idle_arguments_of(buses: &[&Self]) -> BTreeSet<String> {
         let role = |writes: bool| if writes { "publisher" } else { "subscription" };
         let place = |endpoint: &Endpoint| format!("{}.{}", endpoint.topic, role(endpoint.writes));
         let opened = buses.iter().flat_map(|bus| bus.opened.iter().cloned()).collect();
@@ -329,7 +331,7 @@ impl Bus {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn parameter_events(&mut self) -> Result<Publisher<raw::ParameterEvent>, BusError> {
+    pub(crate) fn parameter_events(&mut self) -> Result<Publisher<raw::ParameterEvent>, BusError> {
         let topic = self.context.get_parameter_events_topic();
         let open = |source| BusError::Open { topic: "/parameter_events".to_owned(), source };
         self.node.create_publisher(&topic, None).map_err(open)

@@ -64,8 +64,7 @@ impl BusMap {
 
     /// The settings with what the map says of inputs that are not heard: a constant is the default of its input, and neither it nor an input that
     /// the map does not name needs to come. Replay, by the same map, has them so too.
-    #[must_use]
-    pub fn settings(&self, mut settings: NodeSettings) -> NodeSettings {
+    pub(crate) fn settings(&self, mut settings: NodeSettings) -> NodeSettings {
         for (input, target) in MAPPED {
             if self.field(input).is_none() {
                 settings.inputs[input as usize].required = false;
@@ -84,14 +83,12 @@ impl BusMap {
     }
 
     /// The field from which an input comes.
-    #[must_use]
-    pub fn field(&self, input: NodeInput) -> Option<&MappedField> {
+    pub(crate) fn field(&self, input: NodeInput) -> Option<&MappedField> {
         self.fields.iter().find(|field| input_of(field.target()) == Some(input))
     }
 
     /// What the map makes of an input, for the words at start; none of one that no map can hold.
-    #[must_use]
-    pub fn words(&self, input: NodeInput) -> Option<String> {
+    pub(crate) fn words(&self, input: NodeInput) -> Option<String> {
         let (_, target) = MAPPED.into_iter().find(|(known, _)| *known == input)?;
         let name = NodeInput::NAMES[input as usize];
         Some(match (self.field(input), self.map.constant(target)) {

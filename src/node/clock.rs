@@ -27,15 +27,14 @@ impl Default for ClockHeard {
 
 impl ClockHeard {
     /// Notes a time of the clock that arrived at `now_ns` of the machine's; a time that repeats itself is no news.
-    pub fn note(&self, time_ns: i64, now_ns: i64) {
+    pub(crate) fn note(&self, time_ns: i64, now_ns: i64) {
         if self.time_ns.swap(time_ns, Ordering::Relaxed) != time_ns {
             self.arrived_ns.store(now_ns, Ordering::Relaxed);
         }
     }
 
     /// The newest time of the clock, ns; `None` before its first word.
-    #[must_use]
-    pub fn time_ns(&self) -> Option<i64> {
+    pub(crate) fn time_ns(&self) -> Option<i64> {
         self.newest().map(|(_, time_ns)| time_ns)
     }
 
@@ -64,13 +63,12 @@ pub struct Watch {
 
 impl Watch {
     /// A watch that begins at `now_ns` of the machine's clock.
-    #[must_use]
-    pub fn new(now_ns: i64) -> Self {
+    pub(crate) fn new(now_ns: i64) -> Self {
         Self { since_ns: now_ns, told: Told::Nothing, two_told: false }
     }
 
     /// What is to be told at `now_ns`; `writers` is how many publish `/clock`.
-    pub fn look(&mut self, heard: &ClockHeard, writers: usize, now_ns: i64) -> Option<(LogLevel, String)> {
+    pub(crate) fn look(&mut self, heard: &ClockHeard, writers: usize, now_ns: i64) -> Option<(LogLevel, String)> {
         if writers < 2 {
             self.two_told = false;
         } else if !std::mem::replace(&mut self.two_told, true) {
@@ -110,8 +108,7 @@ impl Watch {
     }
 
     /// The clock in a word, for diagnostics: how bad, and what.
-    #[must_use]
-    pub fn state(&self) -> (u8, &'static str) {
+    pub(crate) fn state(&self) -> (u8, &'static str) {
         match self.told {
             Told::Nothing => (3, "nothing heard yet"),
             Told::Missing => (2, "missing"),

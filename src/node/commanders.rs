@@ -45,14 +45,13 @@ impl AllowList {
     ///
     /// # Errors
     /// In words, on an entry that is neither.
-    pub fn parse(text: &str) -> Result<Self, String> {
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let entries = text.split(',').map(str::trim).filter(|entry| !entry.is_empty());
         entries.map(Named::parse).collect::<Result<_, _>>().map(Self)
     }
 
     /// Whether there is no list.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
@@ -120,15 +119,13 @@ pub struct Commanders<'a> {
 
 impl<'a> Commanders<'a> {
     /// The list, with the topic on which nodes say what they have.
-    #[must_use]
     pub(super) fn new(list: AllowList, graph: Option<&'a Tap>, health: &'a Health) -> Self {
         let (nodes, decided, told) = Default::default();
         Self { list, graph, health, nodes, decided, told }
     }
 
     /// Whether this sender may command; one that tries and may not is noted in the node's health.
-    #[must_use]
-    pub fn may(&self, sender: Gid) -> bool {
+    pub(crate) fn may(&self, sender: Gid) -> bool {
         if self.list.is_empty() {
             return true;
         }

@@ -90,25 +90,24 @@ pub struct AgeClock {
 
 impl AgeClock {
     /// The time on it at a time of the machine's clock, ns.
-    #[must_use]
-    pub fn at(&self, machine_ns: i64) -> i64 {
+    pub(crate) fn at(&self, machine_ns: i64) -> i64 {
         self.stands_at_ns.unwrap_or(machine_ns - self.behind_ns)
     }
 
     /// Stops it.
-    pub fn stop(&mut self, machine_ns: i64) {
+    pub(crate) fn stop(&mut self, machine_ns: i64) {
         self.stands_at_ns = Some(self.at(machine_ns));
     }
 
     /// Lets it go on from where it stands.
-    pub fn go_on(&mut self, machine_ns: i64) {
+    pub(crate) fn go_on(&mut self, machine_ns: i64) {
         if let Some(stands_at_ns) = self.stands_at_ns.take() {
             self.behind_ns = machine_ns - stands_at_ns;
         }
     }
 
     /// Moves it while it stands.
-    pub fn step(&mut self, period_ns: i64) {
+    pub(crate) fn step(&mut self, period_ns: i64) {
         if let Some(stands_at_ns) = &mut self.stands_at_ns {
             *stands_at_ns += period_ns;
         }

@@ -75,8 +75,7 @@ pub struct Tick {
 
 impl Tick {
     /// Whether the command lies outside the stroke, so that the regulator limits it.
-    #[must_use]
-    pub fn is_clamped(&self) -> bool {
+    pub(crate) fn is_clamped(&self) -> bool {
         !(0.0..=1.0).contains(&self.frame.inputs.opening_command_pu)
     }
 }
@@ -160,32 +159,28 @@ impl Core {
     }
 
     /// The same whose fail-safe trip stays until it is reset.
-    #[must_use]
-    pub fn latching(mut self, latches: bool) -> Self {
+    pub(crate) fn latching(mut self, latches: bool) -> Self {
         self.latches = latches;
         self
     }
 
     /// Ends a trip that stays, where its inputs are back; returns whether there was one to end.
-    pub fn reset_trip(&mut self) -> bool {
+    pub(crate) fn reset_trip(&mut self) -> bool {
         std::mem::take(&mut self.latched)
     }
 
     /// The learned residual, with what its guard and its adaptation did.
-    #[must_use]
-    pub fn corrector(&self) -> Option<&Corrector> {
+    pub(crate) fn corrector(&self) -> Option<&Corrector> {
         self.corrector.as_ref()
     }
 
     /// Which of the wanted inputs have no sample since the last tick.
-    #[must_use]
-    pub fn missing(&self, wanted: [bool; NodeInput::COUNT]) -> [bool; NodeInput::COUNT] {
+    pub(crate) fn missing(&self, wanted: [bool; NodeInput::COUNT]) -> [bool; NodeInput::COUNT] {
         NodeInput::ALL.map(|input| wanted[input as usize] && !self.held[input as usize].is_new)
     }
 
     /// Stamps of the samples in force, ns; 0 where there is none.
-    #[must_use]
-    pub fn stamps_ns(&self) -> [i64; NodeInput::COUNT] {
+    pub(crate) fn stamps_ns(&self) -> [i64; NodeInput::COUNT] {
         self.held.map(|held| held.stamp_ns)
     }
 
@@ -195,7 +190,7 @@ impl Core {
     }
 
     /// The same with the stamp of the sample, ns; 0 where it has none.
-    pub fn take(&mut self, heard: InputEvent, now_ns: i64, stamp_ns: i64) {
+    pub(crate) fn take(&mut self, heard: InputEvent, now_ns: i64, stamp_ns: i64) {
         let input = match heard {
             InputEvent::Command(opening_command_pu) => {
                 self.inputs.opening_command_pu = opening_command_pu;
@@ -234,14 +229,14 @@ impl Core {
     }
 
     /// Counts what was heard so far as heard at `now_ns`, where the clock on which ages are counted begins.
-    pub fn begin_ages(&mut self, now_ns: i64) {
+    pub(crate) fn begin_ages(&mut self, now_ns: i64) {
         for held in &mut self.held {
             held.heard_ns = held.heard_ns.map(|_| now_ns);
         }
     }
 
     /// Forgets the twin's state and all that was heard, as after a jump in time.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.twin.reset();
         if let Some(corrector) = &mut self.corrector {
             corrector.reset();
@@ -257,7 +252,7 @@ impl Core {
     }
 
     /// Sets the twin back on request: its next tick starts from the steady state of what was heard last.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.twin.reset();
         if let Some(corrector) = &mut self.corrector {
             corrector.reset();
@@ -323,7 +318,7 @@ impl Core {
             self.fail_safe = fail_safe;
             notices.add(if fail_safe { Notices::FAIL_SAFE } else { Notices::RELEASED });
         }
-        let inputs = self.policies.inputs(&self.inputs, &states, trip);
+        let inputs = self.policies.inputs(&self.inputs, states, trip);
         let frame = Frame { time_ns, inputs, measured: Signals::NONE };
         let inputs_changed = runs && self.previous != Some(inputs);
         if runs && self.previous.is_none() {

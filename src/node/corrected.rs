@@ -26,7 +26,7 @@ impl CorrectedPublishers {
     ///
     /// # Errors
     /// As [`Bus::publish`].
-    pub fn open(bus: &mut Bus, signal: Signal) -> Result<Self, BusError> {
+    pub(crate) fn open(bus: &mut Bus, signal: Signal) -> Result<Self, BusError> {
         Ok(Self {
             signal,
             state: bus.publish("sim/corrected/servo_state", ServoState::TYPE_NAME)?,
@@ -36,8 +36,7 @@ impl CorrectedPublishers {
     }
 
     /// Says a correction; returns how many messages DDS did not take.
-    #[must_use]
-    pub fn say(&self, estimate: &Estimate, correction: &Correction) -> u64 {
+    pub(crate) fn say(&self, estimate: &Estimate, correction: &Correction) -> u64 {
         let edge = |by: f64| {
             let signals = self.signal.with(Signals::NONE, correction.corrected + by);
             messages::servo_state(&Estimate { signals, ..*estimate })

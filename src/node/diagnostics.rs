@@ -76,8 +76,7 @@ pub struct TimeKeeping {
 ///
 /// An input that is stale by its policy is an error with its age, whatever the policy makes of it. Refused samples
 /// are a warning in the one report after them: `reported` are the counts of the report before.
-#[must_use]
-pub fn compile(
+pub(crate) fn compile(
     node: &str,
     time_ns: i64,
     newest: Option<&TickOutput>,

@@ -11,7 +11,7 @@ use super::transport;
 const LARGEST_DOMAIN: u16 = 232;
 
 /// Lease of a node that does not say otherwise, as Cyclone DDS has it.
-pub const DEFAULT_LEASE: Duration = Duration::from_secs(10);
+pub(crate) const DEFAULT_LEASE: Duration = Duration::from_secs(10);
 
 /// Variables of other middlewares, and what to do instead.
 const NOT_READ: [(&str, &str); 5] = [

@@ -28,38 +28,37 @@ pub struct HealthFlags {
 
 impl Health {
     /// Two publishers of an input say different things.
-    pub const COMPETING: u8 = 1;
+    pub(crate) const COMPETING: u8 = 1;
     /// Stamps are older than `max_stamp_age`, or as far ahead; such samples are refused.
-    pub const STAMP_OLD: u8 = 2;
+    pub(crate) const STAMP_OLD: u8 = 2;
     /// Samples arrive and their stamp stands still.
-    pub const STAMP_STANDS: u8 = 4;
+    pub(crate) const STAMP_STANDS: u8 = 4;
     /// Stamps are more than 10 s from the node's time.
-    pub const STAMP_FAR: u8 = 8;
+    pub(crate) const STAMP_FAR: u8 = 8;
     /// Another node has this node's name.
-    pub const NAME_TAKEN: u8 = 16;
+    pub(crate) const NAME_TAKEN: u8 = 16;
     /// The fail-safe tripped, and the trip waits for `~/reset_trip`.
-    pub const LATCHED: u8 = 32;
+    pub(crate) const LATCHED: u8 = 32;
     /// Others than the commanders send inputs, or call for a change: they are ignored.
-    pub const IGNORED: u8 = 64;
+    pub(crate) const IGNORED: u8 = 64;
 
     /// Sets the flags of an input.
-    pub fn set(&self, input: NodeInput, flags: u8) {
+    pub(crate) fn set(&self, input: NodeInput, flags: u8) {
         self.inputs[input as usize].store(flags, Ordering::Relaxed);
     }
 
     /// Sets the flags of the node.
-    pub fn set_node(&self, flags: u8) {
+    pub(crate) fn set_node(&self, flags: u8) {
         self.node.store(flags, Ordering::Relaxed);
     }
 
     /// Notes that somebody who may not command was ignored at `now_ns` of the monotonic clock.
-    pub fn note_ignored(&self, now_ns: i64) {
+    pub(crate) fn note_ignored(&self, now_ns: i64) {
         self.ignored_until_ns.store(now_ns.saturating_add(SHOWN_NS), Ordering::Relaxed);
     }
 
     /// The flags now.
-    #[must_use]
-    pub fn flags(&self) -> HealthFlags {
+    pub(crate) fn flags(&self) -> HealthFlags {
         let inputs = NodeInput::ALL.map(|input| self.inputs[input as usize].load(Ordering::Relaxed));
         let ignored = if monotonic_ns() < self.ignored_until_ns.load(Ordering::Relaxed) { Self::IGNORED } else { 0 };
         HealthFlags { inputs, node: self.node.load(Ordering::Relaxed) | ignored }
@@ -68,14 +67,12 @@ impl Health {
 
 impl HealthFlags {
     /// All of them together.
-    #[must_use]
-    pub fn all(&self) -> u8 {
+    pub(crate) fn all(self) -> u8 {
         self.inputs.iter().fold(self.node, |all, flags| all | flags)
     }
 
     /// How bad the flags of an input are, and what they mean.
-    #[must_use]
-    pub fn of(&self, input: NodeInput) -> Option<(u8, &'static str)> {
+    pub(crate) fn of(self, input: NodeInput) -> Option<(u8, &'static str)> {
         let meanings = [
             (Health::COMPETING, 2, "two publishers say different things; the newest sample is used"),
             (Health::STAMP_OLD, 2, "stamps older than max_stamp_age, or as far ahead: refused"),

@@ -51,7 +51,7 @@ pub enum Refusal {
 
 impl Refusal {
     /// All reasons, in the order of their counts.
-    pub const ALL: [Self; 11] = [
+    pub(crate) const ALL: [Self; 11] = [
         Self::NotFinite,
         Self::OutOfRange,
         Self::BadStamp,
@@ -66,8 +66,7 @@ impl Refusal {
     ];
 
     /// The reason in words.
-    #[must_use]
-    pub fn words(self) -> &'static str {
+    pub(crate) fn words(self) -> &'static str {
         match self {
             Self::NotFinite => "not a finite number",
             Self::OutOfRange => "out of range",
@@ -110,7 +109,7 @@ impl TopicCounts {
     }
 
     /// Adds what was counted after the node began anew.
-    pub fn add(&mut self, later: &Self) {
+    pub(crate) fn add(&mut self, later: &Self) {
         self.used += later.used;
         self.restarts += later.restarts;
         self.lost += later.lost;
@@ -129,18 +128,17 @@ pub struct TopicGate {
 
 impl TopicGate {
     /// Counts so far.
-    #[must_use]
-    pub fn counts(&self) -> TopicCounts {
+    pub(crate) fn counts(&self) -> TopicCounts {
         self.counts
     }
 
     /// Counts samples that were sent and never came.
-    pub fn miss(&mut self, samples: u64) {
+    pub(crate) fn miss(&mut self, samples: u64) {
         self.counts.lost += samples;
     }
 
     /// Counts a sample that never became a message. Returns whether it is the first of its kind.
-    pub fn refuse(&mut self, refusal: Refusal) -> bool {
+    pub(crate) fn refuse(&mut self, refusal: Refusal) -> bool {
         let count = &mut self.counts.refused[refusal as usize];
         *count += 1;
         *count == 1
@@ -255,7 +253,7 @@ impl<Sender> Default for Numbering<Sender> {
 impl<Sender: Ord> Numbering<Sender> {
     /// Takes the number of a sample; returns how many before it never came. A number that is not above the one before it is a
     /// sample that came late or again.
-    pub fn take(&mut self, sender: Sender, number: i64) -> u64 {
+    pub(crate) fn take(&mut self, sender: Sender, number: i64) -> u64 {
         if self.0.len() >= MOST_SENDERS && !self.0.contains_key(&sender) {
             self.0.clear();
         }

@@ -20,10 +20,10 @@ const EVENTS: usize = 16_384;
 const OUTPUTS: usize = 16_384;
 
 /// Most orders that wait for their answers.
-pub const ANSWERS: usize = 64;
+pub(crate) const ANSWERS: usize = 64;
 
 /// Most exchanges of the twin that wait.
-pub const REFITS: usize = 4;
+pub(crate) const REFITS: usize = 4;
 
 /// Without so much room for results a simulation that is ahead of them waits.
 const ROOM_TO_STEP: usize = 256;

@@ -72,7 +72,7 @@ impl Journal {
     ///
     /// # Errors
     /// Where the system refuses.
-    pub fn begin_another(&mut self) -> Result<(), BagError> {
+    pub(crate) fn begin_another(&mut self) -> Result<(), BagError> {
         if self.bag.previous.is_some() {
             let mut name = self.folder.file_name().unwrap_or_default().to_owned();
             name.push(format!("_{}", self.finished.len() + 2));
@@ -83,8 +83,7 @@ impl Journal {
     }
 
     /// Whether the disk is full: the bag should be completed in the room that was kept for it.
-    #[must_use]
-    pub fn is_full(&self) -> bool {
+    pub(crate) fn is_full(&self) -> bool {
         self.bag.writer.is_full()
     }
 
@@ -92,7 +91,7 @@ impl Journal {
     ///
     /// # Errors
     /// Where the system refuses.
-    pub fn flush(&mut self) -> Result<(), BagError> {
+    pub(crate) fn flush(&mut self) -> Result<(), BagError> {
         self.bag.writer.flush()
     }
 

@@ -47,7 +47,7 @@ use super::tap::Tap;
 use govtwin_bag::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 
 /// Topic of the state measured on the real unit.
-pub const MEASURED: &str = "plant/servo_state";
+pub(crate) const MEASURED: &str = "plant/servo_state";
 
 /// Everything that the node hears through.
 pub struct Subscriptions {
@@ -75,7 +75,7 @@ impl Subscriptions {
     ///
     /// # Errors
     /// When DDS refuses one.
-    pub fn open(
+    pub(crate) fn open(
         bus: &mut Bus,
         settings: &NodeSettings,
         (adapts, is_mapped, has_commanders): (bool, bool, bool),
@@ -106,8 +106,7 @@ impl Subscriptions {
 
 impl Subscriptions {
     /// The action that steps the simulation.
-    #[must_use]
-    pub fn action(&self) -> &StepsAction {
+    pub(crate) fn action(&self) -> &StepsAction {
         &self.action
     }
 
@@ -172,14 +171,13 @@ pub struct Listener<'a> {
 pub type Arrivals<'a> = LocalBoxStream<'a, ()>;
 
 /// Hears until told to stop.
-pub fn hear(arrivals: Vec<Arrivals<'_>>, stop: oneshot::Receiver<()>) {
+pub(crate) fn hear(arrivals: Vec<Arrivals<'_>>, stop: oneshot::Receiver<()>) {
     futures::executor::block_on(select_all(arrivals).take_until(stop).for_each(|()| std::future::ready(())));
 }
 
 impl<'a> Listener<'a> {
     /// A listener that has heard nothing yet.
-    #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         bus: &'a Bus,
         integrator: Loop,
         node_events: Teller,
@@ -212,14 +210,12 @@ impl<'a> Listener<'a> {
     }
 
     /// The same for inputs that come by a map, from topics as they are subscribed to.
-    #[must_use]
     pub(super) fn with_map(self, names: InputNames, opened: Option<UnboundedReceiver<OpenedTopic>>) -> Self {
         Self { names, opened: RefCell::new(opened), ..self }
     }
 
     /// All that arrives, dealt with as it comes.
-    #[must_use]
-    pub fn arrivals<'s, 'p: 's>(
+    pub(crate) fn arrivals<'s, 'p: 's>(
         &'s self,
         subscriptions: &'p Subscriptions,
         services: &'s ServiceContext<'s>,

@@ -6,11 +6,10 @@ use govtwin_bag::msg::{self, Header};
 use govtwin_model::frame::{Estimate, EsvState, Inputs};
 
 /// Names of the two joints, in the order of [`joint_state`].
-pub const JOINTS: [&str; 2] = ["spool", "servomotor"];
+pub(crate) const JOINTS: [&str; 2] = ["spool", "servomotor"];
 
 /// The simulated signals, in the units of a plant's own topic.
-#[must_use]
-pub fn servo_state(estimate: &Estimate) -> msg::ServoState {
+pub(crate) fn servo_state(estimate: &Estimate) -> msg::ServoState {
     msg::ServoState {
         header: Header::at(estimate.time_ns),
         spool_position: estimate.signals.spool_position_pu,
@@ -21,8 +20,7 @@ pub fn servo_state(estimate: &Estimate) -> msg::ServoState {
 }
 
 /// What stands behind the state of a tick, and what is wrong with inputs and node.
-#[must_use]
-pub fn status(tick: &Tick, health: HealthFlags) -> msg::TwinStatus {
+pub(crate) fn status(tick: &Tick, health: HealthFlags) -> msg::TwinStatus {
     let state = match &tick.estimate {
         None => 0,
         Some(_) if tick.fail_safe => 3,
@@ -49,8 +47,7 @@ pub fn status(tick: &Tick, health: HealthFlags) -> msg::TwinStatus {
 }
 
 /// Spool and servomotor in metres and metres per second.
-#[must_use]
-pub fn joint_state(estimate: &Estimate, [spool_stroke_m, servomotor_stroke_m]: [f64; 2]) -> msg::JointState {
+pub(crate) fn joint_state(estimate: &Estimate, [spool_stroke_m, servomotor_stroke_m]: [f64; 2]) -> msg::JointState {
     let spool_m = estimate.signals.spool_position_pu * spool_stroke_m;
     let servomotor_m = estimate.signals.servomotor_position_pu * servomotor_stroke_m;
     msg::JointState {
@@ -63,14 +60,12 @@ pub fn joint_state(estimate: &Estimate, [spool_stroke_m, servomotor_stroke_m]: [
 }
 
 /// The command as a message stamped `time_ns`.
-#[must_use]
-pub fn command(inputs: &Inputs, time_ns: i64) -> msg::GovernorCommand {
+pub(crate) fn command(inputs: &Inputs, time_ns: i64) -> msg::GovernorCommand {
     msg::GovernorCommand { header: Header::at(time_ns), opening: inputs.opening_command_pu }
 }
 
 /// A load force as the joint command that asks for it, stamped `time_ns`.
-#[must_use]
-pub fn load(load_n: f64, time_ns: i64) -> msg::JointState {
+pub(crate) fn load(load_n: f64, time_ns: i64) -> msg::JointState {
     msg::JointState {
         header: Header::at(time_ns),
         name: vec![JOINTS[1].to_owned()],
@@ -80,8 +75,7 @@ pub fn load(load_n: f64, time_ns: i64) -> msg::JointState {
 }
 
 /// The ESV's state as a message stamped `time_ns`.
-#[must_use]
-pub fn esv(inputs: &Inputs, time_ns: i64) -> msg::EsvState {
+pub(crate) fn esv(inputs: &Inputs, time_ns: i64) -> msg::EsvState {
     let state = match inputs.esv {
         EsvState::Shutdown => msg::EsvState::SHUTDOWN,
         EsvState::Normal => msg::EsvState::NORMAL,
@@ -90,7 +84,6 @@ pub fn esv(inputs: &Inputs, time_ns: i64) -> msg::EsvState {
 }
 
 /// The tank pressure as a message stamped `time_ns`.
-#[must_use]
-pub fn tank_pressure(inputs: &Inputs, time_ns: i64) -> msg::FluidPressure {
+pub(crate) fn tank_pressure(inputs: &Inputs, time_ns: i64) -> msg::FluidPressure {
     msg::FluidPressure { header: Header::at(time_ns), fluid_pressure: inputs.tank_pressure_pa, variance: 0.0 }
 }

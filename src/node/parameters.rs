@@ -53,8 +53,7 @@ pub struct ParameterStore {
 
 impl ParameterStore {
     /// The table for these settings and this unit.
-    #[must_use]
-    pub fn new(settings: &NodeSettings, unit: &Unit) -> Self {
+    pub(crate) fn new(settings: &NodeSettings, unit: &Unit) -> Self {
         let mut entries = Vec::new();
         let mut add = |name: &str, value, domain, read_only, description: &str| {
             entries.push(NodeParameter {
@@ -148,8 +147,7 @@ impl ParameterStore {
     }
 
     /// The settings as they stand.
-    #[must_use]
-    pub fn settings(&self) -> NodeSettings {
+    pub(crate) fn settings(&self) -> NodeSettings {
         let real = |name: &str| match self.value(name) {
             ParameterValue::Double(value) => value,
             _ => f64::NAN,
@@ -194,8 +192,7 @@ impl ParameterStore {
     }
 
     /// The unit with what was set before start.
-    #[must_use]
-    pub fn unit(&self) -> &Unit {
+    pub(crate) fn unit(&self) -> &Unit {
         &self.unit
     }
 
@@ -203,7 +200,7 @@ impl ParameterStore {
     ///
     /// # Errors
     /// In words, on a name that is not there or a value that may not be.
-    pub fn preset(&mut self, name: &str, given: &ParameterOverride) -> Result<(), String> {
+    pub(crate) fn preset(&mut self, name: &str, given: &ParameterOverride) -> Result<(), String> {
         let index = self.find(name).ok_or_else(|| self.unknown(name))?;
         let domain = self.entries[index].domain;
         let value = match (domain, given) {
@@ -253,7 +250,7 @@ impl ParameterStore {
     ///
     /// # Errors
     /// In words, with all parameters that contradict each other.
-    pub fn check_together(&self) -> Result<(), String> {
+    pub(crate) fn check_together(&self) -> Result<(), String> {
         let words = |conflict: Conflict| {
             let names: Vec<String> = conflict.keys.iter().map(|key| format!("{UNIT_PREFIX}{key}")).collect();
             format!("{}: {}", names.join(", "), conflict.message)
@@ -270,7 +267,7 @@ impl ParameterStore {
     ///
     /// # Errors
     /// In words for the caller.
-    pub fn set(&mut self, name: &str, value: ParameterValue) -> Result<(), String> {
+    pub(crate) fn set(&mut self, name: &str, value: ParameterValue) -> Result<(), String> {
         let index = self.check(name, &value)?;
         self.take(index, value);
         Ok(())
@@ -280,7 +277,7 @@ impl ParameterStore {
     ///
     /// # Errors
     /// As [`ParameterStore::set`].
-    pub fn check(&self, name: &str, value: &ParameterValue) -> Result<usize, String> {
+    pub(crate) fn check(&self, name: &str, value: &ParameterValue) -> Result<usize, String> {
         let index = self.find(name).ok_or_else(|| self.unknown(name))?;
         let entry = &self.entries[index];
         if entry.read_only {
@@ -290,14 +287,12 @@ impl ParameterStore {
     }
 
     /// The value, `NotSet` where there is no such parameter.
-    #[must_use]
-    pub fn value(&self, name: &str) -> ParameterValue {
+    pub(crate) fn value(&self, name: &str) -> ParameterValue {
         self.find(name).map_or(ParameterValue::NotSet, |index| self.entries[index].value.clone())
     }
 
     /// The descriptor; of an unknown parameter only its name.
-    #[must_use]
-    pub fn describe(&self, name: &str) -> raw::ParameterDescriptor {
+    pub(crate) fn describe(&self, name: &str) -> raw::ParameterDescriptor {
         let mut descriptor = raw::ParameterDescriptor {
             name: name.to_owned(),
             r#type: raw::ParameterType::NOT_SET,
@@ -329,8 +324,7 @@ impl ParameterStore {
 
     /// Names with their prefixes, as `ListParameters` wants them: under any of `prefixes`, at most `depth` levels
     /// deep (0: any).
-    #[must_use]
-    pub fn list(&self, prefixes: &[String], depth: u64) -> (Vec<String>, Vec<String>) {
+    pub(crate) fn list(&self, prefixes: &[String], depth: u64) -> (Vec<String>, Vec<String>) {
         let shallow = |rest: &str| depth == 0 || (rest.matches('.').count() as u64) < depth;
         let wanted = |name: &str| {
             let under = |prefix: &String| {

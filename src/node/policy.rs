@@ -4,7 +4,7 @@ use govtwin_model::frame::{EsvState, Inputs};
 use govtwin_model::units::seconds_from_nanos;
 
 /// Topic of joint commands, whose positions are opening commands and whose efforts are load forces.
-pub const JOINT_COMMANDS: &str = "sim/joint_commands";
+pub(crate) const JOINT_COMMANDS: &str = "sim/joint_commands";
 
 /// The inputs of the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,8 +64,7 @@ impl OnStale {
     pub const NAMES: [&'static str; 4] = ["trip", "hold", "stop", "default"];
 
     /// The name that users write.
-    #[must_use]
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         Self::NAMES[self as usize]
     }
 
@@ -89,8 +88,7 @@ pub struct Policy {
 
 impl Policy {
     /// When an input is stale and how long it is held then, s, to the millisecond; for people.
-    #[must_use]
-    pub fn limits_s(&self) -> [f64; 2] {
+    pub(crate) fn limits_s(&self) -> [f64; 2] {
         [self.stale_after_ns, self.hold_ns].map(|limit_ns| (seconds_from_nanos(limit_ns) * 1e3).round() / 1e3)
     }
 }
@@ -146,8 +144,7 @@ pub enum InputState {
 impl Policies {
     /// The inputs for a tick: the last values, the defaults where a fail-safe goes back to them, and an ESV trip.
     /// A force whose source is silent for too long is none.
-    #[must_use]
-    pub fn inputs(&self, last: &Inputs, states: &[InputState; NodeInput::COUNT], trip: bool) -> Inputs {
+    pub(crate) fn inputs(&self, last: &Inputs, states: [InputState; NodeInput::COUNT], trip: bool) -> Inputs {
         let back = |input: NodeInput| {
             let policy = self.rules[input as usize].policy;
             states[input as usize] == InputState::Failed && policy.on_stale == OnStale::Default

@@ -40,7 +40,7 @@ impl Publishers {
     ///
     /// # Errors
     /// When DDS refuses one.
-    pub fn open(bus: &mut Bus, corrected: Option<Signal>, clock: bool) -> Result<Self, BusError> {
+    pub(crate) fn open(bus: &mut Bus, corrected: Option<Signal>, clock: bool) -> Result<Self, BusError> {
         Ok(Self {
             servo_state: bus.publish("sim/servo_state", ServoState::TYPE_NAME)?,
             joint_states: bus.publish("sim/joint_states", JointState::TYPE_NAME)?,
@@ -72,8 +72,7 @@ pub struct Outlet<'a, 's> {
 
 impl<'a, 's> Outlet<'a, 's> {
     /// Results and answers of one loop, for those who subscribe, who called, and the supervisor.
-    #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         (publishers, health): (&'a Publishers, &'a Health),
         (outputs, answers): (Consumer<TickOutput>, Consumer<Answer>),
         (replies, action): (&'a Replies<'s>, &'a StepsAction),
@@ -126,8 +125,7 @@ impl<'a, 's> Outlet<'a, 's> {
 }
 
 /// Publishes the results of all units until their loops have gone. Returns how many messages of each DDS did not take.
-#[must_use]
-pub fn publish(mut outlets: Vec<Outlet<'_, '_>>) -> Vec<u64> {
+pub(crate) fn publish(mut outlets: Vec<Outlet<'_, '_>>) -> Vec<u64> {
     loop {
         let mut are_last = true;
         for outlet in &mut outlets {

@@ -8,7 +8,7 @@ use ros2_client::qos::{Durability, History, Liveliness, Reliability, WhenFull};
 use super::arguments::{ParameterOverride, hint};
 
 /// Prefix of the parameters that change a quality of service.
-pub const PREFIX: &str = "qos_overrides.";
+pub(crate) const PREFIX: &str = "qos_overrides.";
 
 /// Samples of a played topic that may wait for readers.
 const BURST_DEPTH: usize = 100;
@@ -17,33 +17,28 @@ const BURST_DEPTH: usize = 100;
 const LATCHED_DEPTH: usize = 1000;
 
 /// Best effort, the newest ten: what inputs are read with. It matches every writer.
-#[must_use]
-pub fn best_effort() -> QosProfile {
+pub(crate) fn best_effort() -> QosProfile {
     QosProfile { history: History::KeepLast { depth: 10 }, ..QosProfile::subscription_default() }
 }
 
 /// Best effort, the newest thousand: what the ticks of `/clock` are read with. Where the node falls behind, each is followed all the same.
-#[must_use]
-pub fn followed() -> QosProfile {
+pub(crate) fn followed() -> QosProfile {
     QosProfile { history: History::KeepLast { depth: 1000 }, ..best_effort() }
 }
 
 /// The same, reliable: what inputs are read with that a step waits for, or a node that follows `/clock`.
-#[must_use]
-pub fn awaited() -> QosProfile {
+pub(crate) fn awaited() -> QosProfile {
     QosProfile { reliability: Reliability::Reliable { when_full: WhenFull::Fail }, ..followed() }
 }
 
 /// Best effort like [`best_effort`], but the newest 8192: what is recorded is read with. At 1 kHz they outlast a disk that
 /// keeps the recorder waiting for 8 s. To keep all would keep 64 with RustDDS.
-#[must_use]
-pub fn recorded() -> QosProfile {
+pub(crate) fn recorded() -> QosProfile {
     QosProfile { history: History::KeepLast { depth: 8192 }, ..best_effort() }
 }
 
 /// The same, reliable and with what publishers keep for those who come later. It matches only publishers that keep it.
-#[must_use]
-pub fn latched() -> QosProfile {
+pub(crate) fn latched() -> QosProfile {
     QosProfile {
         reliability: Reliability::Reliable { when_full: WhenFull::Fail },
         durability: Durability::TransientLocal,
@@ -52,14 +47,12 @@ pub fn latched() -> QosProfile {
 }
 
 /// The same, the newest ten: what a map names is read with where its publishers keep it.
-#[must_use]
-pub fn newest_latched() -> QosProfile {
+pub(crate) fn newest_latched() -> QosProfile {
     QosProfile { history: best_effort().history, ..latched() }
 }
 
 /// Reliable, so that every reader matches, but never waiting: where the window is full the sample is dropped.
-#[must_use]
-pub fn reliable() -> QosProfile {
+pub(crate) fn reliable() -> QosProfile {
     QosProfile {
         reliability: Reliability::Reliable { when_full: WhenFull::Fail },
         durability: Durability::Volatile,
@@ -69,15 +62,13 @@ pub fn reliable() -> QosProfile {
 }
 
 /// Reliable like [`reliable`], and the newest is kept for those who subscribe later: verdicts, and the statuses of an action's goals.
-#[must_use]
-pub fn kept() -> QosProfile {
+pub(crate) fn kept() -> QosProfile {
     QosProfile { durability: Durability::TransientLocal, history: History::KeepLast { depth: 1 }, ..reliable() }
 }
 
 /// What a recorded topic is played with: reliable without waiting, and otherwise as its publishers offered it. `profiles` is what
 /// rosbag2 keeps of them, YAML with words or, before Iron, with numbers. What they do not agree on is not offered.
-#[must_use]
-pub fn played(profiles: &str) -> QosProfile {
+pub(crate) fn played(profiles: &str) -> QosProfile {
     let all = |key: &str| {
         let values = profiles.lines().filter_map(|line| line.trim_start_matches(['-', ' ']).strip_prefix(key));
         values.map(|value| value.trim_start_matches(':').trim()).collect::<Vec<_>>()
@@ -113,7 +104,7 @@ fn common_span(profiles: &str, policy: &str) -> Option<Duration> {
 ///
 /// # Errors
 /// In words, on a policy or a value that is none.
-pub fn overridden(
+pub(crate) fn overridden(
     parameters: &[(String, ParameterOverride)],
     topic: &str,
     role: &str,
@@ -187,8 +178,7 @@ fn span(span_ns: f64) -> Option<Duration> {
 }
 
 /// `qos_overrides` that are for no endpoint among `places` (`TOPIC.ROLE`), in words.
-#[must_use]
-pub fn idle(parameters: &[(String, ParameterOverride)], places: &[String]) -> Vec<String> {
+pub(crate) fn idle(parameters: &[(String, ParameterOverride)], places: &[String]) -> Vec<String> {
     let overrides = parameters.iter().filter_map(|(name, _)| name.strip_prefix(PREFIX));
     let at = |name: &str, place: &String| name.strip_prefix(place.as_str()).is_some_and(|rest| rest.starts_with('.'));
     let idle = overrides.filter(|name| !places.iter().any(|place| at(name, place)));

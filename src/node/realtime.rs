@@ -64,7 +64,7 @@ impl Until {
     }
 
     /// Whether it is past; then it is the same duration later again.
-    pub fn comes_round(&mut self, duration: Duration) -> bool {
+    pub(crate) fn comes_round(&mut self, duration: Duration) -> bool {
         let past = self.is_past();
         if past {
             self.0 = self.0.map(|until_ns| until_ns.saturating_add(whole_ns(duration)).max(monotonic_ns()));
@@ -113,13 +113,12 @@ const TRANSPORT: &str = "RustDDS Partici";
 const DISCOVERY: &str = "RustDDS discove";
 
 /// The priority of a thread that carries data, below an integration thread with `priority`; 0 where that has none.
-#[must_use]
-pub fn carrier(priority: u8) -> u8 {
+pub(crate) fn carrier(priority: u8) -> u8 {
     if priority == 0 { 0 } else { priority.saturating_sub(STEP_DOWN).max(1) }
 }
 
 /// Raises this thread, which carries data, to its priority; where that is not allowed the integration thread says so.
-pub fn claim_as_carrier(priority: u8) {
+pub(crate) fn claim_as_carrier(priority: u8) {
     if priority > 0 {
         let _ = set_fifo(THIS_THREAD, carrier(priority));
     }
@@ -127,8 +126,7 @@ pub fn claim_as_carrier(priority: u8) {
 
 /// Raises the threads of the transport: those that move samples to [`carrier`], discovery below them. Returns how many
 /// there are and how many were raised.
-#[must_use]
-pub fn claim_transport(priority: u8) -> (usize, usize) {
+pub(crate) fn claim_transport(priority: u8) -> (usize, usize) {
     let Ok(tasks) = std::fs::read_dir("/proc/self/task") else { return (0, 0) };
     let (mut found, mut raised) = (0, 0);
     for task in tasks.flatten() {

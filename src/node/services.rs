@@ -83,8 +83,7 @@ const NOT_COMMANDER: &str = "only the commanders of this node (`--commanders`) c
 
 impl<'a> ServiceContext<'a> {
     /// A context for these parameters; `layout` is that of callers whose vendor does not say which it is, `least` the level below which nothing is told.
-    #[must_use]
-    pub fn new(store: ParameterStore, layout: ServiceMapping, least: &'a AtomicU8) -> Self {
+    pub(crate) fn new(store: ParameterStore, layout: ServiceMapping, least: &'a AtomicU8) -> Self {
         Self {
             store: RefCell::new(store),
             room_for_twins: Cell::new(true),
@@ -103,13 +102,12 @@ impl<'a> ServiceContext<'a> {
     }
 
     /// The level below which nothing is told.
-    #[must_use]
-    pub fn least(&self) -> u8 {
+    pub(crate) fn least(&self) -> u8 {
         self.least.load(Ordering::Relaxed)
     }
 
     /// Sets the level below which nothing is told.
-    pub fn set_least(&self, level: u8) {
+    pub(crate) fn set_least(&self, level: u8) {
         self.least.store(level, Ordering::Relaxed);
     }
 
@@ -128,7 +126,7 @@ impl ParameterServices {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus) -> Result<Self, BusError> {
+    pub(crate) fn open(bus: &mut Bus) -> Result<Self, BusError> {
         let mut calls = |name: &str, kind: &str| bus.calls(&format!("~/{name}"), &format!("rcl_interfaces/srv/{kind}"));
         Ok(Self {
             get: calls("get_parameters", "GetParameters")?,
@@ -141,13 +139,12 @@ impl ParameterServices {
     }
 
     /// Whether all who set parameters have their responses.
-    #[must_use]
-    pub fn is_answered(&self) -> bool {
+    pub(crate) fn is_answered(&self) -> bool {
         self.set.is_answered() && self.set_atomically.is_answered()
     }
 
     /// Answers calls as they come; each item says what an answer left to do.
-    pub fn answers<'a>(&'a self, context: &'a ServiceContext<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
+    pub(crate) fn answers<'a>(&'a self, context: &'a ServiceContext<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
         vec![
             self.get.answer(context, |request: GetParametersRequest, context, _| {
                 let store = context.store.borrow();

@@ -93,8 +93,7 @@ impl Default for NodeSettings {
 
 impl NodeSettings {
     /// The treatment of silence.
-    #[must_use]
-    pub fn policies(&self) -> Policies {
+    pub(crate) fn policies(&self) -> Policies {
         let rule = |input: InputSettings| Rule {
             policy: Policy {
                 stale_after_ns: nanos_from_seconds(input.stale_after_s.unwrap_or(self.stale_after_s)),
@@ -112,8 +111,7 @@ impl NodeSettings {
     }
 
     /// The loop's pace.
-    #[must_use]
-    pub fn pace(&self) -> LoopPace {
+    pub(crate) fn pace(&self) -> LoopPace {
         LoopPace {
             period_ns: nanos_from_seconds(1.0 / self.rate_hz).max(1),
             publish_period_ns: self.publish_period_ns(),
@@ -127,20 +125,17 @@ impl NodeSettings {
     }
 
     /// A sample whose stamp is older, or as far ahead, is refused, ns; `None` for no limit.
-    #[must_use]
-    pub fn max_stamp_age_ns(&self) -> Option<i64> {
+    pub(crate) fn max_stamp_age_ns(&self) -> Option<i64> {
         self.max_stamp_age_s.map(nanos_from_seconds)
     }
 
     /// What a step waits for.
-    #[must_use]
-    pub fn awaited(&self) -> AwaitedInputs {
+    pub(crate) fn awaited(&self) -> AwaitedInputs {
         AwaitedInputs { of: self.step_inputs, timeout_ns: nanos_from_seconds(self.step_timeout_s) }
     }
 
     /// Time between two published results, ns.
-    #[must_use]
-    pub fn publish_period_ns(&self) -> i64 {
+    pub(crate) fn publish_period_ns(&self) -> i64 {
         nanos_from_seconds(1.0 / self.publish_rate_hz).max(1)
     }
 }

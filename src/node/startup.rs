@@ -28,8 +28,7 @@ const OUTPUTS: [(&str, &str, &str); 3] = [
 ];
 
 /// The node's name, transport, topics and rates.
-#[must_use]
-pub fn words(
+pub(crate) fn words(
     bus: &Bus,
     environment: &Environment,
     settings: &NodeSettings,
@@ -87,8 +86,7 @@ pub fn words(
 }
 
 /// Locks the memory and raises the transport's threads; says how that went.
-#[must_use]
-pub fn claim(priority: u8) -> [(LogLevel, String); 2] {
+pub(crate) fn claim(priority: u8) -> [(LogLevel, String); 2] {
     let memory = match lock_memory() {
         Ok(()) => (LogLevel::Info, "memory locked".to_owned()),
         Err(error) => (

@@ -119,7 +119,7 @@ impl Stats {
     }
 
     /// Adds what was counted after the nodes began anew; of an adaptation, which began anew too, only that remains.
-    pub fn add(&mut self, later: &Self) {
+    pub(crate) fn add(&mut self, later: &Self) {
         self.lateness += &later.lateness;
         self.work += &later.work;
         for (ages, later) in self.ages.iter_mut().zip(&later.ages) {
@@ -141,8 +141,7 @@ impl Stats {
     }
 
     /// Largest lateness so far, us.
-    #[must_use]
-    pub fn worst_lateness_us(&self) -> f64 {
+    pub(crate) fn worst_lateness_us(&self) -> f64 {
         micros(self.lateness.max())
     }
 

@@ -58,8 +58,7 @@ pub(super) fn announce_hash(participant: &DomainParticipant, dds_topic: &str, ha
 pub const DESCRIPTION: &str = DomainParticipantBuilder::CHANGES;
 
 /// Whether the transport is the repaired copy.
-#[must_use]
-pub fn is_repaired() -> bool {
+pub(crate) fn is_repaired() -> bool {
     DESCRIPTION != <DomainParticipantBuilder as Published>::CHANGES
 }
 

@@ -53,8 +53,7 @@ const ACTIONS: &[Text] = standard!["simulation_interfaces/action/SimulateSteps" 
 const SEPARATOR: &str = "---\n";
 
 /// Hash of a message, of a service, or of a part of a service or action; none of one whose text the program does not carry.
-#[must_use]
-pub fn hash(type_name: &str) -> Option<String> {
+pub(crate) fn hash(type_name: &str) -> Option<String> {
     closure_with(type_name, &text).ok().map(|closure| hash_of(&closure))
 }
 

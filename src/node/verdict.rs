@@ -12,7 +12,7 @@ use govtwin_diagnosis::words::shown_unit;
 use govtwin_model::number::quantity;
 
 /// Where the verdict is published.
-pub const TOPIC: &str = "~/verdict";
+pub(crate) const TOPIC: &str = "~/verdict";
 
 /// What the counts of samples are called, in the order of [`Stream::ALL`](govtwin_bag::Stream::ALL).
 const SAMPLES: [&str; 4] = ["command samples", "esv samples", "tank_pressure samples", "servo_state samples"];
@@ -55,8 +55,7 @@ pub fn verdict(unit: &str, entries: &[ProcessEntry], courses: &[Course]) -> Opti
 }
 
 /// The report of one second: what is heard, where anything is listened to; the verdict; and each size that is followed.
-#[must_use]
-pub fn report(
+pub(crate) fn report(
     node: &str,
     unit: &str,
     time_ns: i64,

@@ -7,8 +7,7 @@ use super::listener::event::NodeEvent;
 use super::settings::NodeSettings;
 
 /// NodeEvent in words, with how urgent they are; `settings` follow what changes while the node runs, `labels` are what inputs are called.
-#[must_use]
-pub fn of(
+pub(crate) fn of(
     node_events: &NodeEvent,
     settings: &mut NodeSettings,
     labels: &[String; NodeInput::COUNT],

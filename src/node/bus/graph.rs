@@ -12,7 +12,6 @@ use super::{Bus, Endpoint};
 
 impl Bus {
     /// What others write: for each writer's id, its topic and type as ROS 2 names them.
-    #[must_use]
     pub fn writers(&self) -> BTreeMap<Gid, (String, String)> {
         let writers = self.context.domain_participant().discovered_writers();
         let named = writers.into_iter().filter_map(|writer| {
@@ -24,7 +23,6 @@ impl Bus {
     }
 
     /// Whether a publisher sends lost samples again, as one does that does not say; `None` while it is not listed.
-    #[must_use]
     pub(in super::super) fn is_reliable(&self, writer: Gid) -> Option<bool> {
         let writers = self.context.domain_participant().discovered_writers();
         let mut data = writers.iter().map(|writer| &writer.publication_topic_data);
@@ -33,7 +31,6 @@ impl Bus {
     }
 
     /// The publishers of other nodes.
-    #[must_use]
     pub(in super::super) fn offers(&self) -> Vec<Offer> {
         let own = self.context.domain_participant();
         let offers = own.discovered_writers().iter().filter_map(Offer::of).collect::<Vec<_>>();
@@ -41,7 +38,6 @@ impl Bus {
     }
 
     /// Services of other nodes that describe types.
-    #[must_use]
     pub(in super::super) fn describers(&self) -> Vec<Describer> {
         let own = self.context.domain_participant();
         let describers = own.discovered_readers().iter().filter_map(Describer::of).collect::<Vec<_>>();
@@ -49,8 +45,7 @@ impl Bus {
     }
 
     /// How many writers other participants have on this topic, given by its full name.
-    #[must_use]
-    pub fn writers_of(&self, full_name: &str) -> usize {
+    pub(crate) fn writers_of(&self, full_name: &str) -> usize {
         let own = self.context.domain_participant();
         let own_id = participant_of(own.guid());
         let dds_name = format!("rt{full_name}");
@@ -60,14 +55,12 @@ impl Bus {
     }
 
     /// How many readers other participants have on this topic, given by its full name.
-    #[must_use]
     pub fn readers_of(&self, full_name: &str) -> usize {
         self.others_that_read(&format!("rt{full_name}"))
     }
 
     /// How many servers other participants have of this service, given by its full name.
-    #[must_use]
-    pub fn servers_of(&self, full_name: &str) -> usize {
+    pub(crate) fn servers_of(&self, full_name: &str) -> usize {
         self.others_that_read(&format!("rq{full_name}Request"))
     }
 
@@ -81,8 +74,7 @@ impl Bus {
 
     /// Endpoints of others on the node's topics with which no sample is exchanged, since their qualities of service do not go
     /// together: each one's id, and why in words.
-    #[must_use]
-    pub fn incompatible(&self) -> Vec<(Gid, String)> {
+    pub(crate) fn incompatible(&self) -> Vec<(Gid, String)> {
         let own = self.context.domain_participant();
         let (writers, readers) = (own.discovered_writers(), own.discovered_readers());
         let mut found = Vec::new();

@@ -12,7 +12,7 @@ impl Notices {
     /// The fail-safe began.
     pub const FAIL_SAFE: Self = Self(1 << 25);
     /// The fail-safe ended: all inputs are back.
-    pub const RELEASED: Self = Self(1 << 26);
+    pub(crate) const RELEASED: Self = Self(1 << 26);
     /// Time ran backwards or leapt ahead: the twin forgot everything.
     pub const RESET: Self = Self(1 << 27);
     /// The adaptation's detector raised an alarm: the unit drifts away from twin and residual.
@@ -25,20 +25,17 @@ impl Notices {
     pub const UNCORRECTED: Self = Self(1 << 31);
 
     /// This input became stale.
-    #[must_use]
-    pub fn stale(input: NodeInput) -> Self {
+    pub(crate) fn stale(input: NodeInput) -> Self {
         Self(input.bit())
     }
 
     /// This input is back after it was stale.
-    #[must_use]
-    pub fn recovered(input: NodeInput) -> Self {
+    pub(crate) fn recovered(input: NodeInput) -> Self {
         Self(input.bit() << 8)
     }
 
     /// This input was never heard and is overdue.
-    #[must_use]
-    pub fn missing(input: NodeInput) -> Self {
+    pub(crate) fn missing(input: NodeInput) -> Self {
         Self(input.bit() << 16)
     }
 
@@ -46,12 +43,6 @@ impl Notices {
     #[must_use]
     pub fn has(self, other: Self) -> bool {
         self.0 & other.0 != 0
-    }
-
-    /// Whether nothing happened.
-    #[must_use]
-    pub fn is_empty(self) -> bool {
-        self.0 == 0
     }
 
     pub(super) fn add(&mut self, other: Self) {

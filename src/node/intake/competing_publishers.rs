@@ -25,14 +25,13 @@ struct Heard<Sender> {
 
 impl<Sender: Copy + PartialEq> CompetingPublishers<Sender> {
     /// Whether two senders said different things, and none of them has fallen silent since.
-    #[must_use]
-    pub fn compete(&self) -> bool {
+    pub(crate) fn compete(&self) -> bool {
         self.told && self.lately.len() > 1
     }
 
     /// Takes a value; returns another sender with its value where that one spoke within 2 s, and since this one began, and said something else:
     /// once until all but one fall silent. One that takes over from one that ended is no rival.
-    pub fn take(&mut self, sender: Sender, said: f64, now_ns: i64) -> Option<(Sender, f64)> {
+    pub(crate) fn take(&mut self, sender: Sender, said: f64, now_ns: i64) -> Option<(Sender, f64)> {
         self.lately.retain(|heard| now_ns - heard.last_ns < GONE_NS);
         let own = self.lately.iter().position(|heard| heard.sender == sender);
         let since_ns = own.map_or(now_ns, |at| self.lately.remove(at).since_ns);

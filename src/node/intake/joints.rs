@@ -20,7 +20,7 @@ pub struct JointTarget {
 ///
 /// # Errors
 /// With the reason for which it is not used.
-pub fn asked(message: &JointState, stroke_m: f64, gate: &mut TopicGate) -> Result<JointTarget, Refusal> {
+pub(crate) fn asked(message: &JointState, stroke_m: f64, gate: &mut TopicGate) -> Result<JointTarget, Refusal> {
     gate.pass(&message.header, read(message, stroke_m))
 }
 

@@ -6,8 +6,7 @@ use govtwin_bag::import::{FieldState, Target};
 use govtwin_model::frame::EsvState;
 
 /// The input that a signal drives; none for what is measured.
-#[must_use]
-pub fn input_of(target: Target) -> Option<NodeInput> {
+pub(crate) fn input_of(target: Target) -> Option<NodeInput> {
     match target {
         Target::OpeningCommand => Some(NodeInput::Command),
         Target::Esv => Some(NodeInput::Esv),
@@ -20,7 +19,12 @@ pub fn input_of(target: Target) -> Option<NodeInput> {
 ///
 /// # Errors
 /// With the reason for which it is not used, counted already.
-pub fn checked(target: Target, value: f64, stamp_ns: Option<i64>, gate: &mut TopicGate) -> Result<InputEvent, Refusal> {
+pub(crate) fn checked(
+    target: Target,
+    value: f64,
+    stamp_ns: Option<i64>,
+    gate: &mut TopicGate,
+) -> Result<InputEvent, Refusal> {
     let heard = match target {
         Target::OpeningCommand => in_range(value, OPENING_RANGE_PU).map(InputEvent::Command),
         Target::TankPressure => in_range(value, PRESSURE_RANGE_PA).map(InputEvent::TankPressure),
@@ -31,8 +35,7 @@ pub fn checked(target: Target, value: f64, stamp_ns: Option<i64>, gate: &mut Top
 }
 
 /// Why a message gives no value of a signal; none where it does.
-#[must_use]
-pub fn refusal_of(state: FieldState) -> Option<Refusal> {
+pub(crate) fn refusal_of(state: FieldState) -> Option<Refusal> {
     match state {
         FieldState::Value => None,
         FieldState::Absent => Some(Refusal::FieldAbsent),

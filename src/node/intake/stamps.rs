@@ -27,7 +27,7 @@ impl StampWatch {
     ///
     /// # Errors
     /// Where the sample must not be used: its stamp is older than the limit, or as far ahead, or there is none to be held against the limit.
-    pub fn take(
+    pub(crate) fn take(
         &mut self,
         stamp_ns: i64,
         arrived_ns: i64,

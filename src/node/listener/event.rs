@@ -49,8 +49,7 @@ pub struct Taker {
 }
 
 /// Both ends of a new way.
-#[must_use]
-pub fn way() -> (Teller, Taker) {
+pub(crate) fn way() -> (Teller, Taker) {
     way_with_room(ROOM)
 }
 
@@ -62,7 +61,7 @@ fn way_with_room(room: usize) -> (Teller, Taker) {
 
 impl Teller {
     /// Tells, and never waits.
-    pub fn tell(&self, item: NodeEvent) {
+    pub(crate) fn tell(&self, item: NodeEvent) {
         match self.queue.try_send(item) {
             Err(TrySendError::Full(NodeEvent::Settings(settings))) => {
                 if let Ok(mut waiting) = self.aside.settings.lock() {
@@ -80,20 +79,17 @@ impl Teller {
 
 impl Taker {
     /// The next event, where there is one.
-    #[must_use]
-    pub fn next(&self) -> Option<NodeEvent> {
+    pub(crate) fn next(&self) -> Option<NodeEvent> {
         self.queue.try_recv().ok()
     }
 
     /// Settings that found no room, once.
-    #[must_use]
-    pub fn settings(&self) -> Option<NodeSettings> {
+    pub(crate) fn settings(&self) -> Option<NodeSettings> {
         self.aside.settings.lock().ok()?.take()
     }
 
     /// How much was left out since this was asked last.
-    #[must_use]
-    pub fn left_out(&self) -> u64 {
+    pub(crate) fn left_out(&self) -> u64 {
         self.aside.left_out.swap(0, Ordering::Relaxed)
     }
 }

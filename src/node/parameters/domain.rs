@@ -36,7 +36,6 @@ impl Domain {
 }
 
 /// A value as a person would write it.
-#[must_use]
 pub fn words_of(value: &ParameterValue) -> String {
     match value {
         ParameterValue::NotSet => "nothing".to_owned(),

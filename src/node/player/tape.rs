@@ -62,8 +62,7 @@ impl Tape {
     }
 
     /// The topics that are played.
-    #[must_use]
-    pub fn topics(&self) -> &[Arc<TopicInfo>] {
+    pub(crate) fn topics(&self) -> &[Arc<TopicInfo>] {
         &self.chosen
     }
 

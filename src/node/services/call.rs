@@ -51,7 +51,6 @@ pub struct Calls {
 
 impl Calls {
     /// A server of these endpoints.
-    #[must_use]
     pub(in super::super) fn new(
         participant: DomainParticipant,
         (topic, requests): (&Topic, Subscription<Encoded>),
@@ -61,7 +60,7 @@ impl Calls {
     }
 
     /// Hands each call to `take`; what does not decode is none.
-    pub fn attend<'a, 's: 'a, Request: DeserializeOwned + 'a>(
+    pub(crate) fn attend<'a, 's: 'a, Request: DeserializeOwned + 'a>(
         &'s self,
         context: &'a ServiceContext<'a>,
         take: impl Fn(Request, Caller, &mut Aftermath) + 'a,
@@ -102,7 +101,7 @@ impl Calls {
     }
 
     /// Answers a caller, as soon as its reader is matched; `false` where the answer is lost.
-    pub fn respond(&self, caller: &Caller, response: &impl Serialize) -> bool {
+    pub(crate) fn respond(&self, caller: &Caller, response: &impl Serialize) -> bool {
         let Ok(encoded) = cdr::encode(response) else { return false };
         let head = caller.cyclone.as_ref().map_or(&[][..], |head| head);
         let body = Bytes::from([head, &encoded[HEAD.len()..]].concat());

@@ -19,13 +19,12 @@ pub struct Replies<'a> {
 
 impl<'a> Replies<'a> {
     /// Nobody waits.
-    #[must_use]
-    pub fn new(state: RunState) -> Self {
+    pub(crate) fn new(state: RunState) -> Self {
         Self { waiting: Mutex::default(), next: AtomicU64::new(1), state: AtomicU8::new(state as u8) }
     }
 
     /// Takes a caller in. One too many is answered at once that others are before it: `None`.
-    pub fn expect(&self, reply: impl FnOnce(Answer) + Send + 'a) -> Option<Ticket> {
+    pub(crate) fn expect(&self, reply: impl FnOnce(Answer) + Send + 'a) -> Option<Ticket> {
         let ticket = self.next.fetch_add(1, Ordering::Relaxed);
         if let Some(mut waiting) = self.waiting.lock().ok().filter(|waiting| waiting.len() < ANSWERS / 2) {
             waiting.insert(ticket, Box::new(reply));
@@ -36,7 +35,7 @@ impl<'a> Replies<'a> {
     }
 
     /// Answers the caller that waits for this.
-    pub fn answer(&self, answer: Answer) {
+    pub(crate) fn answer(&self, answer: Answer) {
         self.state.store(answer.state as u8, Ordering::Relaxed);
         let reply = self.waiting.lock().ok().and_then(|mut waiting| waiting.remove(&answer.ticket));
         if let Some(reply) = reply {
@@ -45,8 +44,7 @@ impl<'a> Replies<'a> {
     }
 
     /// The state that the last answer left.
-    #[must_use]
-    pub fn state(&self) -> RunState {
+    pub(crate) fn state(&self) -> RunState {
         let state = self.state.load(Ordering::Relaxed);
         [RunState::Stopped, RunState::Playing, RunState::Paused]
             .into_iter()

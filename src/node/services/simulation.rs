@@ -44,7 +44,7 @@ impl SimulationServices {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus, time: TimeSource) -> Result<Self, BusError> {
+    pub(crate) fn open(bus: &mut Bus, time: TimeSource) -> Result<Self, BusError> {
         Ok(Self {
             time,
             features: bus.offer::<GetSimulatorFeatures>("~/get_simulator_features")?,
@@ -58,7 +58,7 @@ impl SimulationServices {
     }
 
     /// Answers calls as they come, some of them once the loop has done what they ask for.
-    pub fn answers<'a, 's: 'a>(
+    pub(crate) fn answers<'a, 's: 'a>(
         &'s self,
         context: &'a ServiceContext<'a>,
         replies: &'a Replies<'s>,

@@ -47,7 +47,7 @@ impl StepsAction {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus, time: TimeSource) -> Result<Self, BusError> {
+    pub(crate) fn open(bus: &mut Bus, time: TimeSource) -> Result<Self, BusError> {
         const TYPE: &str = "simulation_interfaces/action/SimulateSteps";
         let at = |part: &str| format!("~/simulate_steps/_action/{part}");
         let feedback = format!("{TYPE}_FeedbackMessage");
@@ -63,7 +63,7 @@ impl StepsAction {
     }
 
     /// Answers calls as they come, that for a result once the goal has ended.
-    pub fn answers<'a, 's: 'a>(
+    pub(crate) fn answers<'a, 's: 'a>(
         &'s self,
         context: &'a ServiceContext<'a>,
         replies: &'a Replies<'s>,
@@ -141,7 +141,7 @@ impl StepsAction {
     }
 
     /// Says how far the steps are that are under way, now and then and at their end.
-    pub fn progress(&self, steps_left: u64) {
+    pub(crate) fn progress(&self, steps_left: u64) {
         let feedback = self.with(|goals| goals.progress(steps_left, monotonic_ns())).flatten();
         if let Some(feedback) = feedback {
             // Nobody may be listening; the next one comes soon.

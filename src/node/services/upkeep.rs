@@ -29,7 +29,7 @@ impl UpkeepServices {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus) -> Result<Self, BusError> {
+    pub(crate) fn open(bus: &mut Bus) -> Result<Self, BusError> {
         Ok(Self {
             logger: logger_name(&bus.arguments().full_name()),
             get_levels: bus.offer::<GetLoggerLevels>("~/get_logger_levels")?,
@@ -39,7 +39,7 @@ impl UpkeepServices {
     }
 
     /// Answers calls as they come.
-    pub fn answers<'a>(&'a self, context: &'a ServiceContext<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
+    pub(crate) fn answers<'a>(&'a self, context: &'a ServiceContext<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
         let logger = self.logger.as_str();
         vec![
             self.get_levels.answer(context, move |request: GetLevelsRequest, context, _| {
