@@ -207,7 +207,6 @@ fn without(body: &mut PageBody, summary: &AcceptanceSummary) {
             );
         }
     }
-    let mut inner = PageBody::new();
     let twins: Vec<&Subject> =
         summary.subjects.iter().filter(|subject| !subject.name.starts_with("unit without")).collect();
     let mut table = Table::new().words("measure");
@@ -222,8 +221,8 @@ fn without(body: &mut PageBody, summary: &AcceptanceSummary) {
         });
         table.row(std::iter::once(asked.title.to_owned()).chain(cells));
     }
-    inner.table(table, "Measures of the unit and of the twins, along the recordings and in the standard tests.");
-    body.details("Measures of the twins", inner);
+    let caption = "Measures of the unit and of the twins, along the recordings and in the standard tests.";
+    body.details_table("Measures of the twins", table, caption);
 }
 
 fn closing(body: &mut PageBody, summary: &AcceptanceSummary, made: &Provenance) {
@@ -256,13 +255,13 @@ fn closing(body: &mut PageBody, summary: &AcceptanceSummary, made: &Provenance) 
                     .map(|value| significant(value, 3)),
             );
         }
-        let mut inner = PageBody::new();
-        inner.table(table, "Measured gain and phase, with the half widths of their 90 % intervals.");
-        body.details("Values of the frequency response", inner);
+        body.details_table(
+            "Values of the frequency response",
+            table,
+            "Measured gain and phase, with the half widths of their 90 % intervals.",
+        );
     }
-    let mut inner = PageBody::new();
-    inner.facts(made.facts());
-    body.details("How these figures were made", inner);
+    body.details_facts("How these figures were made", made.facts());
     let line = "_".repeat(30);
     body.facts(["measured by", "accepted by", "date and signature"].map(|who| (who, line.clone())));
 }

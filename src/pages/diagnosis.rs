@@ -264,12 +264,11 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) {
             );
             body.figure(svg(&pictures::shape(best)), caption);
         }
-        let mut inner = PageBody::new();
-        inner.table(
+        body.details_table(
+            "Discrepancy terms on all signals",
             tables::discrepancy_terms(diagnosis),
             "Share of the error beyond noise that a free addition to each of these signals would explain.",
         );
-        body.details("Discrepancy terms on all signals", inner);
     }
 }
 
@@ -292,9 +291,11 @@ fn causes(body: &mut PageBody, diagnosis: &Diagnosis) {
     if !diagnosis.tried.is_empty() {
         let caption = "Fault sets fitted together with the data-sheet values, highest evidence first. Cost reduction: decrease of χ², priors \
                        included. Held out: decrease of χ² on each recording with a fit to the others, for the leading sets only.";
-        let mut inner = PageBody::new();
-        inner.table(tables::tried(diagnosis), caption);
-        body.details(format!("All fitted fault sets ({})", diagnosis.tried.len()), inner);
+        body.details_table(
+            format!("All fitted fault sets ({})", diagnosis.tried.len()),
+            tables::tried(diagnosis),
+            caption,
+        );
     }
 }
 
@@ -325,46 +326,28 @@ fn next(body: &mut PageBody, diagnosis: &Diagnosis) {
         for sentence in sheet::sentences(diagnosis) {
             body.paragraph(format!("Data sheet: {sentence}."));
         }
-        let mut inner = PageBody::new();
-        inner.table(
-            sheet::table(limits),
+        body.details_table("How the data sheet limits the verdict", sheet::table(limits),
             "Data-sheet values whose tolerances limit the verdict most. Settles: information about the fault set that the true value is expected to \
-             give. Hides: factor by which an effect would stand out more if this value were known. report.json lists all values.",
-        );
-        body.details("How the data sheet limits the verdict", inner);
+             give. Hides: factor by which an effect would stand out more if this value were known. report.json lists all values.");
     }
-    let mut inner = PageBody::new();
-    inner.table(
-        tables::detectable_sizes(diagnosis),
-        "Minimum detectable deviation from a fault-free unit in these recordings, compared with a moderate fault.",
-    );
-    let none = matches!(diagnosis.verdict, Verdict::NoGap | Verdict::NotExcited);
-    if none {
-        body.table(
-            tables::detectable_sizes(diagnosis),
-            "Minimum detectable deviation from a fault-free unit in these recordings, compared with a moderate fault.",
-        );
+    let sizes = tables::detectable_sizes(diagnosis);
+    let caption =
+        "Minimum detectable deviation from a fault-free unit in these recordings, compared with a moderate fault.";
+    if matches!(diagnosis.verdict, Verdict::NoGap | Verdict::NotExcited) {
+        body.table(sizes, caption);
     } else {
-        body.details("Minimum detectable sizes", inner);
+        body.details_table("Minimum detectable sizes", sizes, caption);
     }
 }
 
 fn closing(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     body.heading("Fitted parameters and recorded signals");
-    let mut inner = PageBody::new();
-    inner.table(
-        tables::parameters(diagnosis),
+    body.details_table(format!("Data-sheet parameters as fitted ({})", diagnosis.parameters.len()), tables::parameters(diagnosis),
         "Largest change first. σ from sheet: change in standard deviations of the tolerance. From recordings: share of the information \
-         that the recordings contribute; 0 % if only the tolerance determines the value.",
-    );
-    body.details(format!("Data-sheet parameters as fitted ({})", diagnosis.parameters.len()), inner);
-    let mut inner = PageBody::new();
-    inner.table(
-        tables::channels(diagnosis),
+         that the recordings contribute; 0 % if only the tolerance determines the value.");
+    body.details_table("Recorded signals", tables::channels(diagnosis),
         "Resolution: smallest step between two values. Noise: standard deviation, estimated where the signal moves slowly. Positions in % \
-         of stroke.",
-    );
-    body.details("Recorded signals", inner);
+         of stroke.");
     let mut inner = PageBody::new();
     inner.paragraph(
         "Error explained: (MSE recalibrated − MSE with faults) / (MSE recalibrated − noise²) over all recorded signals, each weighted by its \

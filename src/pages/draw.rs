@@ -34,8 +34,7 @@ impl Svg {
     }
 
     /// The same picture for a screen as wide as a phone: one panel below the other, with words of the size that is read there.
-    #[must_use]
-    pub fn narrow(&self) -> &str {
+    pub(crate) fn narrow(&self) -> &str {
         &self.narrow
     }
 }

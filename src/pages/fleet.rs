@@ -72,9 +72,7 @@ pub fn page(gathered: &Gathered, context: &Context) -> Page {
     rows_table(body, gathered, context);
     trends(body, gathered);
     not_run(body, gathered);
-    let mut inner = PageBody::new();
-    inner.facts(context.facts.clone());
-    body.details("How these figures were made", inner);
+    body.details_facts("How these figures were made", context.facts.clone());
     page
 }
 

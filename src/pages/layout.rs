@@ -4,27 +4,27 @@ use super::picture::{Axis, EventLine, MarkShape, Panel, Picture};
 use super::table::wrapped;
 
 /// Size of titles, px of the plotting library, which draws letters a fifth smaller.
-pub const TITLE_SIZE: f64 = 15.5;
+pub(crate) const TITLE_SIZE: f64 = 15.5;
 /// Size of the words in legends.
-pub const LEGEND_SIZE: f64 = 14.0;
+pub(crate) const LEGEND_SIZE: f64 = 14.0;
 /// Size of the words along axes.
-pub const LABEL_SIZE: f64 = 13.5;
+pub(crate) const LABEL_SIZE: f64 = 13.5;
 /// Height of a panel's title row, px.
-pub const TITLE_PX: f64 = 26.0;
+pub(crate) const TITLE_PX: f64 = 26.0;
 /// Height of one row of legend or event names, px.
-pub const ROW_PX: f64 = 18.0;
+pub(crate) const ROW_PX: f64 = 18.0;
 /// Height of one row of tick labels below a panel, px.
-pub const TICKS_PX: f64 = 20.0;
+pub(crate) const TICKS_PX: f64 = 20.0;
 /// Height of an axis name, px.
 const NAME_PX: f64 = 19.0;
 /// Space between panels, px.
 const GAP_PX: f64 = 12.0;
 /// Space right of a plot, which half a tick label may fill, px.
-pub const RIGHT_PX: f64 = 20.0;
+pub(crate) const RIGHT_PX: f64 = 20.0;
 
 /// Estimated width of words, px: the average letter of a sans-serif face is about half the library's size wide.
 #[expect(clippy::cast_precision_loss, reason = "labels are short")]
-pub fn words_px(words: &str, size_px: f64) -> f64 {
+pub(crate) fn words_px(words: &str, size_px: f64) -> f64 {
     words.chars().count() as f64 * size_px * 0.5
 }
 
@@ -51,7 +51,7 @@ pub struct PanelPlace {
 
 /// The places of all panels, and the picture's height, px.
 #[expect(clippy::cast_precision_loss, reason = "counts of panels and pixels are small")]
-pub fn places(picture: &Picture, event_rows: usize) -> (Vec<PanelPlace>, f64) {
+pub(crate) fn places(picture: &Picture, event_rows: usize) -> (Vec<PanelPlace>, f64) {
     let columns = picture.columns.max(1) as usize;
     let width = (f64::from(picture.width_px) - GAP_PX * (columns - 1) as f64) / columns as f64;
     let shared_x = picture.shared_x.then(|| union(picture.panels.iter().map(x_range)));
@@ -104,8 +104,7 @@ const NARROW_ROW_PX: u32 = 32;
 
 impl Picture {
     /// The same panels one below the other, as wide as a phone.
-    #[must_use]
-    pub fn narrow(&self) -> Self {
+    pub(crate) fn narrow(&self) -> Self {
         let mut narrow = Self { width_px: NARROW_PX, columns: 1, ..self.clone() };
         for panel in &mut narrow.panels {
             let names = || panel.y.categories.iter();
@@ -120,14 +119,14 @@ impl Picture {
 
 /// A label left of a plot, broken into lines that leave the plot its half of the panel.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a panel is a few hundred letters wide")]
-pub fn label_lines(label: &str, width: f64) -> Vec<String> {
+pub(crate) fn label_lines(label: &str, width: f64) -> Vec<String> {
     wrapped(label, (0.45 * width / words_px("m", LABEL_SIZE)) as usize)
 }
 
 /// Rows that the names below a plot of so many px take so that none runs into its neighbour.
 #[expect(clippy::cast_precision_loss, reason = "a handful of categories")]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
-pub fn label_rows(axis: &Axis, width: f64) -> usize {
+pub(crate) fn label_rows(axis: &Axis, width: f64) -> usize {
     let longest = axis.categories.iter().map(|name| words_px(name, LABEL_SIZE) + 8.0).fold(0.0, f64::max);
     // Only every so many may have a name.
     let named = axis.categories.iter().enumerate().filter(|(_, name)| !name.is_empty()).map(|(at, _)| at);
@@ -138,7 +137,7 @@ pub fn label_rows(axis: &Axis, width: f64) -> usize {
 }
 
 /// Width of one legend entry, px.
-pub fn legend_px(label: &str) -> f64 {
+pub(crate) fn legend_px(label: &str) -> f64 {
     words_px(label, LEGEND_SIZE) + 40.0
 }
 
@@ -161,7 +160,7 @@ fn legend_rows(panel: &Panel, width: f64) -> usize {
 }
 
 /// A row for each event's name, so that no two run into each other; `at` turns x into px.
-pub fn event_rows(events: &[EventLine], at: impl Fn(f64) -> f64) -> Vec<usize> {
+pub(crate) fn event_rows(events: &[EventLine], at: impl Fn(f64) -> f64) -> Vec<usize> {
     let mut ends: Vec<f64> = Vec::new();
     let row_of = |event: &EventLine| {
         let start = at(event.x);
@@ -192,7 +191,7 @@ fn sound([low, high]: [f64; 2]) -> [f64; 2] {
 }
 
 /// The horizontal range of a panel alone.
-pub fn x_range(panel: &Panel) -> [f64; 2] {
+pub(crate) fn x_range(panel: &Panel) -> [f64; 2] {
     if let Some(range) = panel.x.range {
         return sound(range);
     }

@@ -51,7 +51,6 @@ impl KeyFigure {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Block {
-    Lead(String),
     Answers(Vec<(String, Vec<String>)>),
     Heading(String),
     Paragraph(String),
@@ -73,11 +72,6 @@ impl PageBody {
     #[must_use]
     pub fn new() -> Self {
         Self::default()
-    }
-
-    /// The one sentence to take away, set large.
-    pub fn lead(&mut self, text: impl Into<String>) {
-        self.0.push(Block::Lead(text.into()));
     }
 
     /// Questions with their answers, which are what the reader came for; the first paragraph of the first answer is set large.
@@ -129,6 +123,22 @@ impl PageBody {
     /// Blocks behind a line that opens them.
     pub fn details(&mut self, summary: impl Into<String>, blocks: PageBody) {
         self.0.push(Block::Details { summary: summary.into(), blocks });
+    }
+
+    /// A table behind a line that opens it.
+    pub fn details_table(&mut self, summary: impl Into<String>, table: Table, caption: impl Into<String>) {
+        self.details(summary, Self(vec![Block::Table { table, caption: caption.into() }]));
+    }
+
+    /// Names and values behind a line that opens them.
+    pub(crate) fn details_facts(
+        &mut self,
+        summary: impl Into<String>,
+        facts: impl IntoIterator<Item = (impl Into<String>, impl Into<String>)>,
+    ) {
+        let mut inner = Self::default();
+        inner.facts(facts);
+        self.details(summary, inner);
     }
 }
 
@@ -215,7 +225,6 @@ fn blocks(blocks: &PageBody) -> Markup {
 fn block(block: &Block) -> Markup {
     html! {
         @match block {
-            Block::Lead(text) => p.lead { (prose(text)) },
             Block::Answers(answers) => dl.answers {
                 @for (question, paragraphs) in answers {
                     dt { (question) }

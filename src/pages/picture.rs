@@ -121,8 +121,7 @@ impl Panel {
     }
 
     /// Takes horizontal values for decimal logarithms: the labels name what they are of.
-    #[must_use]
-    pub fn x_decades(mut self) -> Self {
+    pub(crate) fn x_decades(mut self) -> Self {
         self.x.decades = true;
         self
     }
@@ -169,8 +168,7 @@ impl Panel {
     }
 
     /// Adds a line of dashes, distinct from a solid one without its colour.
-    #[must_use]
-    pub fn dashed_line(self, ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Self {
+    pub(crate) fn dashed_line(self, ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Self {
         self.mark(Mark::new(MarkShape::Line(points), ink, label).dashed(1))
     }
 
@@ -243,8 +241,7 @@ impl Panel {
     }
 
     /// Adds a level across the panel's own data, such as zero.
-    #[must_use]
-    pub fn level(self, ink: Ink, label: &str, y: f64) -> Self {
+    pub(crate) fn level(self, ink: Ink, label: &str, y: f64) -> Self {
         self.mark(Mark::new(MarkShape::Segments(vec![[f64::NEG_INFINITY, y, f64::INFINITY, y]]), ink, label))
     }
 }

@@ -91,12 +91,11 @@ pub fn page(summary: &ReplaySummary, replayed: &[&Replayed], pictures: &[Picture
     }
     body.figure(svg(&errors(summary, replayed, sensors)), "RMSE by process, with the transducer noise as a line, and histogram of the error (simulated − measured), for the first unit. The \
          outermost bars include all larger errors.");
-    let mut inner = PageBody::new();
-    inner.table(
+    body.details_table(
+        "Errors by recording",
         recording_table(summary),
         "MAE, RMSE, bias (mean of simulated − measured) and largest error in % of stroke.",
     );
-    body.details("Errors by recording", inner);
     closing(body, summary);
     page
 }

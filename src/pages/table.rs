@@ -103,8 +103,7 @@ impl Table {
     }
 
     /// The table in plain characters, a rule under the head and above the rows that stand out.
-    #[must_use]
-    pub fn to_text(&self) -> String {
+    pub(crate) fn to_text(&self) -> String {
         let widths = self.widths();
         let line = |cells: &mut dyn Iterator<Item = &str>| {
             let mut text = String::new();

@@ -1,7 +1,7 @@
 //! Fewer points for the same picture: runs without gaps, thinned per pixel column, cut to the frame.
 
 /// The stretches of a line between NaNs, each at least one point long.
-pub fn runs(points: &[[f64; 2]]) -> impl Iterator<Item = &[[f64; 2]]> {
+pub(crate) fn runs(points: &[[f64; 2]]) -> impl Iterator<Item = &[[f64; 2]]> {
     points.split(|point| !(point[0].is_finite() && point[1].is_finite())).filter(|run| !run.is_empty())
 }
 
@@ -11,7 +11,7 @@ pub fn runs(points: &[[f64; 2]]) -> impl Iterator<Item = &[[f64; 2]]> {
 /// same pixels as the whole one would. x must not fall. Points outside the range are left out but
 /// for the nearest on each side, which the line needs to reach the edge.
 #[expect(clippy::cast_precision_loss, reason = "a few thousand columns at most")]
-pub fn thin(run: &[[f64; 2]], [from, to]: [f64; 2], bins: usize) -> Vec<[f64; 2]> {
+pub(crate) fn thin(run: &[[f64; 2]], [from, to]: [f64; 2], bins: usize) -> Vec<[f64; 2]> {
     let start = run.partition_point(|point| point[0] < from).saturating_sub(1);
     let end = (run.partition_point(|point| point[0] <= to) + 1).min(run.len());
     let run = run.get(start..end).unwrap_or_default();
@@ -42,7 +42,7 @@ pub fn thin(run: &[[f64; 2]], [from, to]: [f64; 2], bins: usize) -> Vec<[f64; 2]
 }
 
 /// The parts of a polyline inside a rectangle, with new points where it crosses the edge.
-pub fn clip(line: &[[f64; 2]], x: [f64; 2], y: [f64; 2]) -> Vec<Vec<[f64; 2]>> {
+pub(crate) fn clip(line: &[[f64; 2]], x: [f64; 2], y: [f64; 2]) -> Vec<Vec<[f64; 2]>> {
     let mut parts: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut open = false;
     for pair in line.windows(2) {
@@ -60,7 +60,7 @@ pub fn clip(line: &[[f64; 2]], x: [f64; 2], y: [f64; 2]) -> Vec<Vec<[f64; 2]>> {
 }
 
 /// The part of a segment inside a rectangle (Liang and Barsky 1984).
-pub fn clip_segment(a: [f64; 2], b: [f64; 2], x: [f64; 2], y: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
+pub(crate) fn clip_segment(a: [f64; 2], b: [f64; 2], x: [f64; 2], y: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
     let step = [b[0] - a[0], b[1] - a[1]];
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     for (axis, [low, high]) in [(0, x), (1, y)] {

@@ -6,7 +6,7 @@ use govtwin_model::number::{fixed, significant};
 /// Values and labels of an axis, about one in `apart` px.
 #[expect(clippy::cast_precision_loss, reason = "a handful of categories")]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
-pub fn ticks(axis: &Axis, [from, to]: [f64; 2], length_px: f64, apart: f64) -> Vec<(f64, String)> {
+pub(crate) fn ticks(axis: &Axis, [from, to]: [f64; 2], length_px: f64, apart: f64) -> Vec<(f64, String)> {
     if !axis.categories.is_empty() {
         return axis.categories.iter().enumerate().map(|(i, name)| (i as f64, name.clone())).collect();
     }

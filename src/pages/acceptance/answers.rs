@@ -6,7 +6,7 @@ use govtwin_diagnosis::acceptance::summary::{AcceptanceSummary, AskedMeasure, Fi
 use govtwin_diagnosis::words::{capital, id_words, verdict_words};
 
 /// The answers, each under its question.
-pub fn answers(summary: &AcceptanceSummary) -> [(&'static str, Vec<String>); 4] {
+pub(crate) fn answers(summary: &AcceptanceSummary) -> [(&'static str, Vec<String>); 4] {
     [
         ("Result", cause(summary)),
         ("How sure", vec![sureness(summary)]),

@@ -12,7 +12,7 @@ use govtwin_model::number::{fixed, quantity};
 use govtwin_model::signal::Signal;
 
 /// Share of the gap from which it is worth a word what a discrepancy term would explain.
-pub const TOLD: f64 = 0.05;
+pub(crate) const TOLD: f64 = 0.05;
 
 /// Tolerances from which a recalibrated value is worth a word where nothing else is wrong.
 const MOVED: f64 = 1.0;
@@ -30,10 +30,10 @@ const FAR: f64 = 3.0;
 const OPEN: f64 = 0.5;
 
 /// How a note begins that says what is nearest where nothing has a name.
-pub const NEAREST: &str = "Nearest in the catalogue: ";
+pub(crate) const NEAREST: &str = "Nearest in the catalogue: ";
 
 /// The answers, each under its question and in one paragraph or more.
-pub fn answers(diagnosis: &Diagnosis) -> [(&'static str, Vec<String>); 4] {
+pub(crate) fn answers(diagnosis: &Diagnosis) -> [(&'static str, Vec<String>); 4] {
     let paragraphs = |all: Vec<String>| all.into_iter().filter(|text| !text.is_empty()).collect();
     [
         ("Cause", paragraphs(causes(diagnosis))),
@@ -44,12 +44,12 @@ pub fn answers(diagnosis: &Diagnosis) -> [(&'static str, Vec<String>); 4] {
 }
 
 /// One recording alone: nothing confirms what it says.
-pub fn is_alone(diagnosis: &Diagnosis) -> bool {
+pub(crate) fn is_alone(diagnosis: &Diagnosis) -> bool {
     diagnosis.part.is_none() && diagnosis.traces.len() == 1
 }
 
 /// The first paragraphs: what to take away; before it the plain model that predicts better, or after it the one that tells the same, where one does.
-pub fn leads(diagnosis: &Diagnosis) -> Vec<String> {
+pub(crate) fn leads(diagnosis: &Diagnosis) -> Vec<String> {
     plain_wins(diagnosis).into_iter().chain([lead(diagnosis)]).chain(plain_as_good(diagnosis)).collect()
 }
 
@@ -96,7 +96,7 @@ fn count(number: usize) -> String {
 }
 
 /// Values of the data sheet that the recalibration moved, farthest first, by more than so many tolerances.
-pub fn moved(diagnosis: &Diagnosis, beyond: f64) -> Vec<&Fitted> {
+pub(crate) fn moved(diagnosis: &Diagnosis, beyond: f64) -> Vec<&Fitted> {
     let of_sheet = diagnosis.parameters.iter().filter(|one| one.name.contains('.'));
     let mut moved: Vec<&Fitted> = of_sheet.filter(|one| one.position.abs() >= beyond).collect();
     moved.sort_by(|a, b| b.position.abs().total_cmp(&a.position.abs()));
@@ -104,7 +104,7 @@ pub fn moved(diagnosis: &Diagnosis, beyond: f64) -> Vec<&Fitted> {
 }
 
 /// Values that the recalibration moved far off a data sheet, where one is known.
-pub fn far_off(diagnosis: &Diagnosis) -> Vec<&Fitted> {
+pub(crate) fn far_off(diagnosis: &Diagnosis) -> Vec<&Fitted> {
     if diagnosis.setup == Setup::StageFree { Vec::new() } else { moved(diagnosis, FAR) }
 }
 

@@ -7,7 +7,7 @@ use govtwin_diagnosis::words::percent;
 const LEAST_CLAIMS: u64 = 5;
 
 /// How often claims of such a probability on whole chains with a data sheet were right, in a sentence.
-pub fn like(claimed: f64) -> Option<String> {
+pub(crate) fn like(claimed: f64) -> Option<String> {
     hit_rate(&Hyperparameters::shipped().provenance, "units", claimed)
 }
 

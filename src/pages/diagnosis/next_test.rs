@@ -6,14 +6,14 @@ use govtwin_diagnosis::words::{id_words, listed, probability, stage_words};
 use govtwin_model::number::{fixed, significant};
 
 /// What to do where the recordings are of no servomotor stage.
-pub const CHECK_SIGNALS: &str = "Check which signals were recorded: the spool position of the main distributing valve and the position of its \
+pub(crate) const CHECK_SIGNALS: &str = "Check which signals were recorded: the spool position of the main distributing valve and the position of its \
                                  servomotor are needed.";
 
 /// Share of the remaining entropy below which a test is expected to settle little.
 const LITTLE: f64 = 0.1;
 
 /// A hypothesis of a posterior in words: effects joined by `+`, `none`, or `unknown:STAGE`.
-pub fn hypothesis_words(name: &str) -> String {
+pub(crate) fn hypothesis_words(name: &str) -> String {
     match name.split_once(':') {
         Some(("unknown", id)) => format!("something unknown in the {}", stage_words(id)),
         _ => name.split('+').map(id_words).collect::<Vec<_>>().join(" with "),
@@ -21,14 +21,14 @@ pub fn hypothesis_words(name: &str) -> String {
 }
 
 /// How an operator runs a test.
-pub fn how_to_run(one: &Experiment) -> String {
+pub(crate) fn how_to_run(one: &Experiment) -> String {
     let signals = one.records.iter().map(|signal| signal.title().to_lowercase()).collect::<Vec<_>>();
     let commanded = if one.script.is_some() { "opening command, ESV state, tank pressure, " } else { "" };
     format!("{}. Record {commanded}{} at {} Hz.", one.unit_state, listed(&signals, "and"), significant(one.rate_hz, 3))
 }
 
 /// The length of a test in seconds; most are whole.
-pub fn length_s(one: &Experiment) -> String {
+pub(crate) fn length_s(one: &Experiment) -> String {
     let tenths = (one.length_s * 10.0).round() / 10.0;
     fixed(tenths, usize::from(tenths.fract() > 0.0))
 }
@@ -56,7 +56,7 @@ fn settles(one: &Experiment) -> String {
 }
 
 /// The best test in paragraphs: what it is, how to run it, and one with a trip that would be more informative.
-pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
+pub(crate) fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
     let Some(one) = diagnosis.experiments.first() else {
         return vec![format!("Next test: {}.", nothing_to_settle(diagnosis))];
     };
@@ -88,7 +88,7 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
 }
 
 /// Lines of the summary on a terminal: label and text.
-pub fn lines(diagnosis: &Diagnosis) -> Vec<(&'static str, String)> {
+pub(crate) fn lines(diagnosis: &Diagnosis) -> Vec<(&'static str, String)> {
     if diagnosis.verdict == Verdict::NoSuchUnit {
         return vec![("next", CHECK_SIGNALS.to_owned())];
     }

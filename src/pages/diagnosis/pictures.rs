@@ -17,7 +17,7 @@ fn height(bars: usize) -> u32 {
 }
 
 /// RMS errors of the twins, a panel for each signal.
-pub fn residuals(diagnosis: &Diagnosis, explained: bool) -> Picture {
+pub(crate) fn residuals(diagnosis: &Diagnosis, explained: bool) -> Picture {
     let panel = |gap: &SignalGap| {
         let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
         let mut steps = vec![(diagnosis.setup.sheet_title(), gap.delivered), ("recalibrated", gap.refitted)];
@@ -72,7 +72,7 @@ fn shares(title: &str, ink: Ink, bars: &[(String, f64)]) -> Panel {
 }
 
 /// The cuts through the squared gap of one signal.
-pub fn breakdown(breakdowns: &[&Breakdown], signal: Signal, explained: bool) -> Picture {
+pub(crate) fn breakdown(breakdowns: &[&Breakdown], signal: Signal, explained: bool) -> Picture {
     let panel = |breakdown: &&Breakdown| {
         let parts: Vec<_> = breakdown.parts.iter().filter(|part| part.samples > 0).rev().collect();
         let refitted: Vec<f64> = parts.iter().map(|part| 100.0 * part.refitted).collect();
@@ -93,7 +93,7 @@ pub fn breakdown(breakdowns: &[&Breakdown], signal: Signal, explained: bool) -> 
 }
 
 /// Stage probabilities beside the ranking of effects.
-pub fn probabilities(diagnosis: &Diagnosis) -> Picture {
+pub(crate) fn probabilities(diagnosis: &Diagnosis) -> Picture {
     // Where there is no error there is no place of it.
     let some = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown);
     let stages: Vec<_> =
@@ -108,7 +108,7 @@ pub fn probabilities(diagnosis: &Diagnosis) -> Picture {
 }
 
 /// The shape of a discrepancy term over its variable.
-pub fn shape(discrepancy_term: &DiscrepancyTerm) -> Picture {
+pub(crate) fn shape(discrepancy_term: &DiscrepancyTerm) -> Picture {
     let points = |points: &[(f64, f64)]| points.iter().map(|&(x, y)| [x, y]).collect::<Vec<_>>();
     let largest =
         discrepancy_term.curves.iter().flat_map(|curve| &curve.points).fold(0.0_f64, |most, (_, y)| most.max(y.abs()));

@@ -60,13 +60,13 @@ fn hidden(diagnosis: &Diagnosis) -> Option<String> {
 }
 
 /// How much the sheet limits the verdict, a sentence each; none where no sheet was given.
-pub fn sentences(diagnosis: &Diagnosis) -> Vec<String> {
+pub(crate) fn sentences(diagnosis: &Diagnosis) -> Vec<String> {
     let Some(limits) = &diagnosis.sheet_limits else { return Vec::new() };
     [Some(looking_up(limits)), hidden(diagnosis)].into_iter().flatten().collect()
 }
 
 /// The values that limit the verdict most.
-pub fn table(limits: &SheetLimits) -> Table {
+pub(crate) fn table(limits: &SheetLimits) -> Table {
     let mut table = Table::new()
         .words("key in the sheet")
         .numbers("data sheet")

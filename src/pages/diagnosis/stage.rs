@@ -7,7 +7,7 @@ use govtwin_diagnosis::words::id_words;
 use govtwin_model::number::significant;
 
 /// What was fitted of a stage alone, in a sentence.
-pub fn fitted_stage(diagnosis: &Diagnosis) -> Option<String> {
+pub(crate) fn fitted_stage(diagnosis: &Diagnosis) -> Option<String> {
     let figures = &diagnosis.part.as_ref()?.figures;
     let said: Vec<String> = figures.iter().map(|one| format!("{} {}", one.title, figure_text(one))).collect();
     (!said.is_empty()).then(|| format!("Fitted stage, in the units of the recordings: {}.", said.join("; ")))
@@ -22,7 +22,7 @@ pub fn figure_text(one: &StageFigure) -> String {
 }
 
 /// The plain model that predicts better than the twin, as an engineer would state it; none where none does.
-pub fn plain_wins(diagnosis: &Diagnosis) -> Option<String> {
+pub(crate) fn plain_wins(diagnosis: &Diagnosis) -> Option<String> {
     let part = diagnosis.part.as_ref()?;
     let twins = part.models.iter().filter(|model| !model.is_plain);
     let twin = twins.min_by(|a, b| a.held_out.total_cmp(&b.held_out))?;
@@ -30,13 +30,13 @@ pub fn plain_wins(diagnosis: &Diagnosis) -> Option<String> {
 }
 
 /// What is left to say beside a plain model that wins, where nothing is named; none where none wins.
-pub fn beside_plain(diagnosis: &Diagnosis) -> Option<String> {
+pub(crate) fn beside_plain(diagnosis: &Diagnosis) -> Option<String> {
     diagnosis.part.as_ref()?.plain_wins.as_ref()?;
     Some("No fault is named: the catalogue's stage explains the movement less well than that.".to_owned())
 }
 
 /// A stage without a fault, of which nothing was known before, and its dead band; none with a data sheet, which may be off.
-pub fn sound_stage(diagnosis: &Diagnosis) -> Option<String> {
+pub(crate) fn sound_stage(diagnosis: &Diagnosis) -> Option<String> {
     if diagnosis.setup != Setup::StageFree {
         return None;
     }
@@ -47,7 +47,7 @@ pub fn sound_stage(diagnosis: &Diagnosis) -> Option<String> {
 }
 
 /// The plain model of the stage's own law that errs less than the twin of the verdict; none where there is none.
-pub fn plain_as_good(diagnosis: &Diagnosis) -> Option<String> {
+pub(crate) fn plain_as_good(diagnosis: &Diagnosis) -> Option<String> {
     let part = diagnosis.part.as_ref()?;
     let blamed: Vec<&str> = diagnosis.blamed.iter().map(|one| one.id.as_str()).collect();
     let effects = match diagnosis.verdict {
@@ -101,7 +101,7 @@ fn settling(part: &StageOnly, model: &ComparedModel) -> Option<String> {
 }
 
 /// What a model in free runs is called.
-pub fn model_title(model: &ComparedModel) -> String {
+pub(crate) fn model_title(model: &ComparedModel) -> String {
     match model.model.as_str() {
         "" => "no effect".to_owned(),
         plain if model.is_plain => plain.to_owned(),
@@ -110,7 +110,7 @@ pub fn model_title(model: &ComparedModel) -> String {
 }
 
 /// The parameters of a plain model.
-pub fn parameter_text(model: &ComparedModel) -> String {
+pub(crate) fn parameter_text(model: &ComparedModel) -> String {
     let of = |one: &ModelParameter| {
         let [value, low, high] = [one.value, one.ends.0, one.ends.1].map(|value| significant(value, 3));
         let ends = if one.ends.0.is_finite() { format!(" [{low}, {high}]") } else { String::new() };

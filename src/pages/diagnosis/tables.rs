@@ -13,7 +13,7 @@ use govtwin_model::signal::Signal;
 const NEXT_TO_NOTHING: f64 = 0.05;
 
 /// RMS errors of the twins and the noise floor, by signal.
-pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
+pub(crate) fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
     let mut table = Table::new().words("signal").numbers(diagnosis.setup.sheet_title()).numbers("recalibrated");
     if explained {
         table = table.numbers("with faults");
@@ -43,7 +43,7 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
 }
 
 /// The models of a servomotor stage in free runs over held-out pieces.
-pub fn models(part: &StageOnly) -> Table {
+pub(crate) fn models(part: &StageOnly) -> Table {
     let mut table = Table::new().words("model").numbers("RMS error, %").numbers("first half, %");
     table = table.numbers("second half, %").numbers("best piece, %").numbers("worst piece, %").words("parameters");
     for model in &part.models {
@@ -57,7 +57,7 @@ pub fn models(part: &StageOnly) -> Table {
 }
 
 /// What was fitted of a stage alone, in the numbers of its recordings.
-pub fn stage_figures(part: &StageOnly) -> Table {
+pub(crate) fn stage_figures(part: &StageOnly) -> Table {
     let mut table = Table::new().words("quantity").numbers("value").numbers("90 % from").numbers("to").words("unit");
     for one in &part.figures {
         let [value, low, high] = [one.value.value, one.value.low, one.value.high].map(|value| significant(value, 3));
@@ -67,7 +67,7 @@ pub fn stage_figures(part: &StageOnly) -> Table {
 }
 
 /// Stages driven by recorded signals.
-pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn stage_tests(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("driven part")
         .words("compared signal")
@@ -87,7 +87,7 @@ pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
 }
 
 /// Places of free terms.
-pub fn discrepancy_terms(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn discrepancy_terms(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new().words("signal").words("stage").numbers("would explain");
     for one in &diagnosis.discrepancy_terms {
         table.row([
@@ -100,7 +100,7 @@ pub fn discrepancy_terms(diagnosis: &Diagnosis) -> Table {
 }
 
 /// What was tried, best first.
-pub fn tried(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn tried(diagnosis: &Diagnosis) -> Table {
     let mut table =
         Table::new().words("effects").numbers("cost reduction").numbers("held out").words("fitted, with 90 % interval");
     for one in &diagnosis.tried {
@@ -116,7 +116,7 @@ pub fn tried(diagnosis: &Diagnosis) -> Table {
 }
 
 /// Explained fraction on recordings that were left out.
-pub fn transfers(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn transfers(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new().words("held-out recording").numbers("error explained, with 90 % interval");
     for one in &diagnosis.transfers {
         table.row([one.recording.clone(), percents(one.explained_fraction)]);
@@ -125,7 +125,7 @@ pub fn transfers(diagnosis: &Diagnosis) -> Table {
 }
 
 /// The effects that the verdict names; of two also what each explains in addition to the other.
-pub fn blamed(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn blamed(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("effect")
         .words("stage")
@@ -153,7 +153,7 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
 }
 
 /// Further informative tests.
-pub fn experiments(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn experiments(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("test")
         .words("distinguishes")
@@ -182,7 +182,7 @@ fn span(low: f64, high: f64) -> String {
 }
 
 /// Pairs that look alike here.
-pub fn ambiguous_pairs(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn ambiguous_pairs(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new().words("effect").words("similar to").numbers("cosine");
     for (one, other, likeness) in &diagnosis.ambiguous_pairs {
         table.row([id_words(one), id_words(other), fixed(*likeness, 3)]);
@@ -191,7 +191,7 @@ pub fn ambiguous_pairs(diagnosis: &Diagnosis) -> Table {
 }
 
 /// Smallest visible effects.
-pub fn detectable_sizes(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn detectable_sizes(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("effect")
         .words("parameter")
@@ -221,7 +221,7 @@ pub fn detectable_sizes(diagnosis: &Diagnosis) -> Table {
 }
 
 /// The sheet's parameters as fitted, those most moved first.
-pub fn parameters(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn parameters(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("value")
         .numbers("data sheet")
@@ -247,7 +247,7 @@ pub fn parameters(diagnosis: &Diagnosis) -> Table {
 }
 
 /// Values of the data sheet that moved far, farthest first.
-pub fn moved(far: &[&Fitted]) -> Table {
+pub(crate) fn moved(far: &[&Fitted]) -> Table {
     let mut table = Table::new()
         .words("value")
         .numbers("data sheet")
@@ -269,7 +269,7 @@ pub fn moved(far: &[&Fitted]) -> Table {
 }
 
 /// The channels as found.
-pub fn channels(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn channels(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("recording")
         .words("signal")
@@ -296,6 +296,6 @@ pub fn channels(diagnosis: &Diagnosis) -> Table {
 }
 
 /// The fitted value of a named effect for the key figures: its first parameter.
-pub fn first_value(parameters: &[Fitted]) -> Option<(String, String)> {
+pub(crate) fn first_value(parameters: &[Fitted]) -> Option<(String, String)> {
     parameters.first().map(|one| (govtwin_diagnosis::words::parameter_title(one), value(one)))
 }

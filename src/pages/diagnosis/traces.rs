@@ -9,7 +9,7 @@ use govtwin_diagnosis::result::Trace;
 use govtwin_model::signal::Signal;
 
 /// Length of the stretch that shows an error best, s.
-pub const WORST_S: f64 = 2.0;
+pub(crate) const WORST_S: f64 = 2.0;
 
 /// Columns that a curve is thinned to; each keeps up to four points, so a curve has at most 1500.
 const COLUMNS: usize = 370;
@@ -40,23 +40,23 @@ fn squares(trace: &Trace) -> Vec<f64> {
 }
 
 /// Sum of the squared residuals of the refitted twin, pu².
-pub fn gap(trace: &Trace) -> f64 {
+pub(crate) fn gap(trace: &Trace) -> f64 {
     squares(trace).iter().sum()
 }
 
 /// The stretch with most of the gap, where the recording is too long to show it.
-pub fn close_up(trace: &Trace) -> Option<[f64; 2]> {
+pub(crate) fn close_up(trace: &Trace) -> Option<[f64; 2]> {
     let (first_s, last_s) = (*trace.time_s.first()?, *trace.time_s.last()?);
     if last_s - first_s < LONG_S { None } else { worst(trace, CLOSE_UP_S) }
 }
 
 /// The stretch of so many seconds with most of the gap; none where the recording is hardly longer.
-pub fn worst(trace: &Trace, length_s: f64) -> Option<[f64; 2]> {
+pub(crate) fn worst(trace: &Trace, length_s: f64) -> Option<[f64; 2]> {
     worst_stretch(&trace.time_s, &squares(trace), length_s)
 }
 
 /// The stretch of so many seconds in which the squares of an error add up to most; none where there is hardly more, or no error.
-pub fn worst_stretch(time_s: &[f64], squares: &[f64], length_s: f64) -> Option<[f64; 2]> {
+pub(crate) fn worst_stretch(time_s: &[f64], squares: &[f64], length_s: f64) -> Option<[f64; 2]> {
     let (first_s, last_s) = (*time_s.first()?, *time_s.last()?);
     if last_s - first_s < 1.5 * length_s {
         return None;
@@ -118,7 +118,7 @@ fn rows_to_keep(trace: &Trace) -> Vec<usize> {
 
 /// The picture of one recording, of a stretch of it where `window_s` is given; `sheet` is what its sheet is called, `improved` what the twin with
 /// effects is called, where there is one.
-pub fn picture(
+pub(crate) fn picture(
     trace: &Trace,
     window_s: Option<[f64; 2]>,
     improved: Option<&'static str>,

@@ -9,7 +9,7 @@ use govtwin_diagnosis::words::id_words;
 use govtwin_model::number::fixed;
 
 /// The answers, each under its question.
-pub fn answers(gathered: &Gathered, context: &Context, units: usize) -> [(&'static str, Vec<String>); 4] {
+pub(crate) fn answers(gathered: &Gathered, context: &Context, units: usize) -> [(&'static str, Vec<String>); 4] {
     let changed: BTreeSet<&str> = gathered.changed().map(|(unit, _)| unit).collect();
     let (looks, changed) = (context.looks.len(), changed.len());
     let mut cause = match (looks, changed) {

@@ -15,7 +15,7 @@ const POSITIONS: [(Signal, &str, &str); 2] = [
 ];
 
 /// The answers, each under its question.
-pub fn answers(summary: &ReplaySummary, sensors: &Sensors) -> Vec<(&'static str, Vec<String>)> {
+pub(crate) fn answers(summary: &ReplaySummary, sensors: &Sensors) -> Vec<(&'static str, Vec<String>)> {
     let far =
         said(|signal, name, of| Some(format!("{name} {} % of {of}", percent(rmse(&summary.overall, signal)?, 2))));
     if far.is_empty() {

@@ -347,6 +347,6 @@ impl<'a> Curves<'a> {
 }
 
 /// Standard deviation of noise and quantisation together, in the sensor's unit.
-pub fn spread(sensor: Sensor) -> f64 {
+pub(crate) fn spread(sensor: Sensor) -> f64 {
     (sensor.noise.powi(2) + sensor.step.powi(2) / 12.0).sqrt()
 }

@@ -9,7 +9,6 @@ use govtwin_model::replay::ladder::{Ladder, Rung};
 use govtwin_model::signal::Signal;
 
 /// The figures of every rung; a star marks a process that a residual was not trained on.
-#[must_use]
 pub fn ladder_table(ladder: &Ladder) -> Table {
     let signal = ladder.judged();
     let processes: Vec<Option<Process>> = ladder.processes().into_iter().map(Some).chain([None]).collect();

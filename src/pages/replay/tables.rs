@@ -26,7 +26,6 @@ pub fn reason_for_dashes(summary: &ReplaySummary) -> Option<String> {
 }
 
 /// The figures per process and overall.
-#[must_use]
 pub fn process_table(summary: &ReplaySummary) -> Table {
     let mut table = Table::new().words("process").numbers("recordings").numbers("rows");
     for name in ["servomotor", "spool"] {
@@ -48,7 +47,7 @@ pub fn process_table(summary: &ReplaySummary) -> Table {
     table
 }
 
-pub fn recording_table(summary: &ReplaySummary) -> Table {
+pub(crate) fn recording_table(summary: &ReplaySummary) -> Table {
     let mut table = Table::new().words("recording").words("process").numbers("rows").numbers("length, s");
     for name in ["servomotor", "spool"] {
         for figure in ["MAE", "RMSE", "R²", "bias", "largest"] {
@@ -81,7 +80,7 @@ fn figure_cells(figures: &SignalFigures) -> Vec<String> {
 }
 
 /// R² cut off rather than rounded, so that only a perfect twin shows a one.
-pub fn r2_words(r2: f64) -> String {
+pub(crate) fn r2_words(r2: f64) -> String {
     fixed((r2 * 1e5).floor() / 1e5, 5)
 }
 
@@ -100,7 +99,7 @@ pub fn thousands(number: u64) -> String {
 }
 
 /// RMSE by process, and how the differences are spread.
-pub fn errors(summary: &ReplaySummary, replayed: &[&Replayed], sensors: &Sensors) -> Picture {
+pub(crate) fn errors(summary: &ReplaySummary, replayed: &[&Replayed], sensors: &Sensors) -> Picture {
     let mut panels = vec![];
     let titles = summary.processes.iter().filter_map(|group| group.process.and_then(process_of).map(Process::title));
     let titles: Vec<&str> = titles.collect();

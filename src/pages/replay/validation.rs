@@ -13,7 +13,7 @@ const MOST_LISTED: usize = 60;
 const MOST_DRAWN: usize = 12;
 
 /// Shows a validation; `pictures` hold the stretches of the recordings.
-pub fn show(body: &mut PageBody, validation: &Validation, pictures: &[Pictures]) {
+pub(crate) fn show(body: &mut PageBody, validation: &Validation, pictures: &[Pictures]) {
     body.heading("Limits");
     let mut table =
         Table::new().words("recording or process").words("limit").numbers("value").numbers("bound").words("");
