@@ -9,6 +9,7 @@ mod bus_map;
 #[cfg(feature = "lab")]
 pub mod calibrate;
 pub mod check;
+mod choice;
 #[cfg(feature = "residual")]
 pub mod compare;
 pub mod completions;
@@ -31,7 +32,6 @@ pub mod parent;
 #[cfg(feature = "node")]
 pub mod play;
 pub mod provenance;
-mod rate_of_inputs;
 #[cfg(feature = "node")]
 pub mod record;
 pub mod recover;
@@ -50,7 +50,7 @@ use std::path::Path;
 
 use govtwin_model::params::{self, ParamsError, Sheet};
 
-pub use usage::{Usage, expect, number, usage};
+pub use usage::{Usage, expect, number, unknown, usage};
 
 /// How a command that did not fail ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

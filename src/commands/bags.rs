@@ -8,6 +8,7 @@ mod time_scale;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use clap::ArgAction;
 use govtwin_bag::import::Map;
 use govtwin_bag::{Health, Interpolation, Positions, ReadOptions, Stream, Topics, Warning};
 use govtwin_model::parameters::Unit;
@@ -16,6 +17,7 @@ use govtwin_model::units::TICK_NS;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use tempfile::TempDir;
 
+use super::choice::{Choice, choice};
 use super::import;
 use super::output::say;
 use excerpts::Taken;
@@ -46,19 +48,13 @@ pub struct TopicArgs {
     ///
     /// With `log`, the stamps of each topic are moved by one amount, the least time from stamp to recording, so that all topics are on the
     /// recorder's clock.
-    #[arg(long, value_name = "CLOCK", default_value = "header", hide_default_value = true)]
-    pub(super) stamp: StampClock,
+    #[arg(long, value_name = "CLOCK", default_value = "header", hide_default_value = true, value_parser = choice(CLOCKS), action = ArgAction::Set)]
+    pub(super) stamp: bool,
 }
 
-/// What dates the samples of a bag.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum StampClock {
-    /// The stamp in the header of each message.
-    #[default]
-    Header,
-    /// The recorder's clock.
-    Log,
-}
+/// What dates the samples of a bag: whether it is the recorder's clock.
+const CLOCKS: [Choice<bool>; 2] =
+    [("header", "The stamp in the header of each message", false), ("log", "The recorder's clock", true)];
 
 impl TopicArgs {
     /// The topics named, and the usual ones where none is.
@@ -67,7 +63,7 @@ impl TopicArgs {
         for (stream, name) in &self.named {
             topics.set(*stream, name);
         }
-        topics.by_log = self.stamp == StampClock::Log;
+        topics.by_log = self.stamp;
         topics
     }
 
@@ -75,7 +71,7 @@ impl TopicArgs {
     /// The arguments again, for a process of our own.
     pub fn arguments(&self) -> Vec<String> {
         let named = self.named.iter().flat_map(|(stream, name)| ["--topic".to_owned(), format!("{stream}={name}")]);
-        let stamp = (self.stamp == StampClock::Log).then(|| ["--stamp".to_owned(), "log".to_owned()]);
+        let stamp = self.stamp.then(|| ["--stamp".to_owned(), "log".to_owned()]);
         named.chain(stamp.into_iter().flatten()).collect()
     }
 }

@@ -21,7 +21,7 @@ use govtwin_pages::diagnosis as report;
 use super::bags::{MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, warn, width};
 use super::provenance;
-use crate::commands::{Outcome, sheet_of, usage};
+use crate::commands::{Outcome, sheet_of, unknown};
 use given::{By, Given, UnitArgs};
 
 pub use files::{FITTED, NAMES};
@@ -237,11 +237,9 @@ fn settings(args: &Args) -> anyhow::Result<(DiagnosisSettings, Vec<OwnEffect>)> 
     let mut settings = DiagnosisSettings { seed: args.seed, true_values, ..DiagnosisSettings::default() };
     let mut own_effects = vec![];
     for id in &args.without {
-        let known = || settings.catalogue.iter().map(|spec| spec.id);
         if govtwin_model::effects::find(id).is_none() {
-            let near = params::nearest(id, known()).map(|near| format!("did you mean `{near}`?"));
-            let way_out = near.unwrap_or_else(|| "`govtwin effects` lists them".to_owned());
-            return Err(usage(format!("--without {id}: there is no such effect; {way_out}")));
+            let known = settings.catalogue.iter().map(|spec| spec.id);
+            return Err(unknown(&format!("--without {id}: there is no such effect"), id, known, "govtwin effects"));
         }
         settings.catalogue.retain(|spec| spec.id != id);
     }

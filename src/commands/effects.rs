@@ -1,12 +1,12 @@
 //! `govtwin effects`: what the catalogue holds, and the documentation of one effect.
 
 use govtwin_model::effects::{CATALOGUE, EffectParameter, EffectSpec, Stage};
-use govtwin_model::params::{nearest, number_text, quantity_text};
+use govtwin_model::params::{number_text, quantity_text};
 use govtwin_pages::table;
 use serde_json::{Value, json};
 
 use crate::commands::output::{print, width};
-use crate::commands::{Outcome, usage};
+use crate::commands::{Outcome, unknown};
 
 /// Arguments of `govtwin effects`.
 #[derive(Debug, clap::Args)]
@@ -44,11 +44,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         (None, true) => to_text(&json!({"schema": "govtwin-effects/1", "effects": entries(CATALOGUE)})),
         (Some(id), json) => {
             let Some(spec) = govtwin_model::effects::find(id) else {
-                let way_out = match nearest(id, CATALOGUE.iter().map(|spec| spec.id)) {
-                    Some(near) => format!("did you mean `{near}`?"),
-                    None => "`govtwin effects` lists them".to_owned(),
-                };
-                return Err(usage(format!("there is no effect `{id}`; {way_out}")));
+                let known = CATALOGUE.iter().map(|spec| spec.id);
+                return Err(unknown(&format!("there is no effect `{id}`"), id, known, "govtwin effects"));
             };
             if json { to_text(&entry(spec)) } else { page(spec) }
         }

@@ -20,7 +20,7 @@ use govtwin_diagnosis::stage_alone::run::Run;
 use govtwin_diagnosis::stage_alone::sheetless::sheetless;
 use govtwin_diagnosis::stage_only::stage_figures::stage_figures;
 use govtwin_model::parameters::{ENTRIES, Unit};
-use govtwin_model::params::{self, Overlay, Sheet, nearest, number_text};
+use govtwin_model::params::{self, Overlay, Sheet, number_text};
 use govtwin_model::provenance::Provenance;
 use govtwin_model::recording::Recording;
 use govtwin_model::twin::Cut;
@@ -29,7 +29,7 @@ use super::bags::{self, MapArgs, Mapped, Recordings, StageWanted, TopicArgs};
 use super::generate::effect;
 use super::output::{Output, Progress, print, warn};
 use super::provenance;
-use crate::commands::{Outcome, sheet_of, usage};
+use crate::commands::{Outcome, sheet_of, unknown};
 
 /// Arguments of `govtwin fit`.
 #[derive(Debug, clap::Args)]
@@ -264,9 +264,9 @@ fn free_parameters(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<FreeParam
     let mut free = vec![];
     for key in &args.free {
         let Some(index) = ENTRIES.iter().position(|entry| entry.key == key) else {
-            let near = nearest(key, ENTRIES.iter().map(|entry| entry.key));
-            let hint = near.map_or("`govtwin check` lists them".to_owned(), |near| format!("did you mean `{near}`?"));
-            return Err(usage(format!("--free {key}: there is no such parameter; {hint}")));
+            let (slip, known) =
+                (format!("--free {key}: there is no such parameter"), ENTRIES.iter().map(|entry| entry.key));
+            return Err(unknown(&slip, key, known, "govtwin check"));
         };
         free.push(index);
     }

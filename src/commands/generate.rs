@@ -21,6 +21,7 @@ use govtwin_model::units;
 use jiff::Timestamp;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
+use crate::commands::choice::{Choice, PROCESSES, choice};
 use crate::commands::output::{Output, Progress, print};
 use crate::commands::{Outcome, expect, number, sheet_of};
 
@@ -34,8 +35,8 @@ const COMMAND: &str = "generate";
 #[command(after_long_help = HELP)]
 pub struct Args {
     /// Processes to record, separated by commas.
-    #[arg(long, value_enum, value_name = "PROCESS", value_delimiter = ',', default_value = "all")]
-    process: Vec<ProcessesMade>,
+    #[arg(long, value_parser = choice(processes()), value_name = "PROCESS", value_delimiter = ',', default_value = "all")]
+    process: Vec<Option<Process>>,
     /// Effect to add: `ID=VALUE[,VALUE…]` in the order of its parameters, or `ID.parameter=VALUE`; may be repeated.
     #[arg(long = "effect", value_name = "ID=VALUE")]
     effects: Vec<String>,
@@ -88,32 +89,10 @@ Examples:
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 
-/// Processes to record.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "snake_case")]
-enum ProcessesMade {
-    /// All four processes.
-    All,
-    /// From closed to speed-no-load.
-    Startup,
-    /// On load, to a larger opening.
-    LoadIncrease,
-    /// To closed, with the emergency shutdown valve (ESV).
-    Shutdown,
-    /// Sudden closure from load.
-    LoadRejection,
-}
-
-impl ProcessesMade {
-    fn includes(self, process: Process) -> bool {
-        match self {
-            Self::All => true,
-            Self::Startup => process == Process::Startup,
-            Self::LoadIncrease => process == Process::LoadIncrease,
-            Self::Shutdown => process == Process::Shutdown,
-            Self::LoadRejection => process == Process::LoadRejection,
-        }
-    }
+/// Processes to record; all where none is named.
+fn processes() -> impl Iterator<Item = Choice<Option<Process>>> {
+    let each = PROCESSES.map(|(word, help, process)| (word, help, Some(process)));
+    [("all", "All four processes", None)].into_iter().chain(each)
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -139,8 +118,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         bail!("{}: not empty; give a folder that does not exist", args.out.display());
     }
 
-    let processes: Vec<Process> =
-        Process::ALL.into_iter().filter(|process| args.process.iter().any(|which| which.includes(*process))).collect();
+    let is_asked = |process: &Process| args.process.iter().any(|asked| asked.is_none_or(|asked| asked == *process));
+    let processes: Vec<Process> = Process::ALL.into_iter().filter(is_asked).collect();
     let progress = Progress::new(processes.len(), "recordings");
     let written: anyhow::Result<Vec<(Sealed, String)>> = processes
         .par_iter()

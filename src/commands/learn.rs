@@ -30,6 +30,7 @@ use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::bags::{self, Bag, TopicArgs};
+use super::choice::{Choice, choice};
 use super::output::{Progress, warn};
 use super::replay::origin;
 use super::sheet_of;
@@ -48,8 +49,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// Signal to correct.
-    #[arg(long, value_enum, default_value_t = Corrected::Spool)]
-    signal: Corrected,
+    #[arg(long, default_value = "spool", value_parser = choice(CORRECTED))]
+    signal: Signal,
     /// Period of the training rows, s; without it, the longest median sample interval of the recordings.
     #[arg(long = "period", value_name = "S")]
     period_s: Option<f64>,
@@ -70,13 +71,11 @@ pub struct Args {
     pub json: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Corrected {
-    /// Spool of the main distributing valve.
-    Spool,
-    /// Guide-vane servomotor.
-    Servomotor,
-}
+/// Signals that may be corrected.
+const CORRECTED: [Choice<Signal>; 2] = [
+    ("spool", "Spool of the main distributing valve", Signal::SpoolPosition),
+    ("servomotor", "Guide-vane servomotor", Signal::ServomotorPosition),
+];
 
 /// Where the guide-vane opening comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -152,10 +151,7 @@ impl Args {
         left_out: &[Process],
     ) -> anyhow::Result<TrainingData> {
         let sheet = sheet_of(self.params.as_deref())?;
-        let signal = match self.signal {
-            Corrected::Spool => Signal::SpoolPosition,
-            Corrected::Servomotor => Signal::ServomotorPosition,
-        };
+        let signal = self.signal;
         let (cut, opening) = match cut {
             OpeningFrom::None => (Cut::None, Opening::Simulated),
             OpeningFrom::Servomotor => (Cut::Servomotor, Opening::Measured),

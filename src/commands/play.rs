@@ -10,6 +10,7 @@ use govtwin_node::player::{PATIENCE, PlayOptions, Played, Player, Stamps};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
+use super::choice::{Choice, choice};
 use super::network::NetworkArgs;
 use super::output;
 use super::run::{duration, stop_on_signals};
@@ -36,8 +37,8 @@ pub struct Args {
     clock_hz: Option<f64>,
     /// Stamps of the messages: `now` as if they were recorded now, `recorded` as they stand in the recording [default: now,
     /// with --clock recorded].
-    #[arg(long, value_enum, value_name = "WHICH")]
-    stamps: Option<StampsOf>,
+    #[arg(long, value_parser = choice(STAMPS), value_name = "WHICH")]
+    stamps: Option<Stamps>,
     /// Publish only these topics, by their names in the recording.
     #[arg(long, value_name = "TOPIC", num_args = 1..)]
     topics: Vec<String>,
@@ -71,13 +72,10 @@ Exit codes: 0 played, 1 not possible, 2 wrong usage, 3 played, but samples were 
 not acknowledged.";
 
 /// Which stamps messages have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum StampsOf {
-    /// As if the recording were made now.
-    Now,
-    /// As they stand in the recording.
-    Recorded,
-}
+const STAMPS: [Choice<Stamps>; 2] = [
+    ("now", "As if the recording were made now", Stamps::Now),
+    ("recorded", "As they stand in the recording", Stamps::Recorded),
+];
 
 /// Plays a recording to its end, or until a signal.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -85,10 +83,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let clock_ok = args.clock_hz.is_none_or(|hz| (0.1..=10_000.0).contains(&hz));
     expect(clock_ok, || format!("--clock is {}: expected 0.1 to 10000 Hz", args.clock_hz.unwrap_or_default()))?;
     let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
-    let stamps = match (args.stamps, args.clock_hz) {
-        (Some(StampsOf::Recorded), _) | (None, Some(_)) => Stamps::Recorded,
-        (Some(StampsOf::Now), _) | (None, None) => Stamps::Now,
-    };
+    let stamps = args.stamps.unwrap_or(if args.clock_hz.is_some() { Stamps::Recorded } else { Stamps::Now });
     let options = PlayOptions { speed_ratio: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait, stamps };
     let length = duration(args.duration_s, "--duration")?;
     let (tape, warnings) = Tape::open(args.bag.clone(), args.topics.clone(), length)?;

@@ -31,7 +31,8 @@ use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIter
 
 use super::bags::{self, Bag, GivenBag, MapArgs, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
-use super::{provenance, rate_of_inputs};
+use super::provenance;
+use crate::commands::choice::{RATES_OF_INPUTS, choice};
 use crate::commands::{Outcome, sheet_of, usage};
 use follow::{Followed, Way};
 use node_run::NodeRun;
@@ -87,7 +88,7 @@ pub struct Args {
     ///
     /// Where rows are 30 ms apart or closer, inputs hold, as live. Farther apart they run straight, round sharp bends of the
     /// command, and a trip comes when the unit moved.
-    #[arg(long, value_parser = rate_of_inputs::parser())]
+    #[arg(long, value_parser = choice(RATES_OF_INPUTS))]
     rate_of_inputs: Option<RateOfInputs>,
     /// Limit that every recording must keep, such as `spool.rmse<=0.5%`, or `@FILE` with one limit a line; may be
     /// repeated.

@@ -15,9 +15,9 @@ use govtwin_lab::comparison::{Contender, ModelStanding};
 use govtwin_model::recording::Process;
 use serde::Serialize;
 
+use super::choice::{Choice, PROCESSES, RATES_OF_INPUTS, choice};
 use super::learn::{self, OpeningFrom, SearchJob};
 use super::output::{Output, print, table_text};
-use super::rate_of_inputs;
 use crate::commands::Outcome;
 
 /// Train a model of the twin's residual.
@@ -37,22 +37,22 @@ pub struct Args {
     /// Inputs of the twin between two recorded rows; the model can be used only with the same option.
     ///
     /// A live node holds its last inputs. If its commands arrive much faster than the rows here, train with `linear`.
-    #[arg(long, default_value = "linear", value_parser = rate_of_inputs::parser())]
+    #[arg(long, default_value = "linear", value_parser = choice(RATES_OF_INPUTS))]
     rate_of_inputs: RateOfInputs,
     /// Processes to leave out of training and testing, separated by commas.
     ///
     /// `replay --then` then shows whether the model extrapolates to them.
-    #[arg(long, value_name = "PROCESS", value_enum, value_delimiter = ',')]
-    leave_out: Vec<NamedProcess>,
+    #[arg(long, value_name = "PROCESS", value_delimiter = ',', value_parser = choice(PROCESSES))]
+    leave_out: Vec<Process>,
     /// Guard that bounds the corrections.
     ///
     /// `range` is for a unit that keeps doing what it did in the recordings. `processes` is for other processes too:
     /// as far as the training rows can show, it makes no unknown process worse, and corrects less in the known ones.
-    #[arg(long, value_enum, default_value_t = GuardBy::Range)]
-    guard: GuardBy,
+    #[arg(long, default_value = "range", value_parser = choice(GUARDS))]
+    guard: GuardKind,
     /// Objective that the trees minimise.
-    #[arg(long, value_enum, default_value_t = ObjectiveBy::L1)]
-    objective: ObjectiveBy,
+    #[arg(long, default_value = "l1", value_parser = choice(OBJECTIVES))]
+    objective: Objective,
     /// No search: use the manual hyperparameters.
     #[arg(long)]
     manual: bool,
@@ -75,71 +75,26 @@ docs/residual.md describes the model, its guard and its band.
 Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 
 /// What bounds corrections.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum GuardBy {
-    /// Range of each feature, and of the corrections, in the training rows.
-    Range,
-    /// Also the distance from those rows, with weights learned on folds that leave a process out.
-    Processes,
-}
-
-impl GuardBy {
-    fn kind(self) -> GuardKind {
-        match self {
-            Self::Range => GuardKind::Range,
-            Self::Processes => GuardKind::Processes,
-        }
-    }
-}
+const GUARDS: [Choice<GuardKind>; 2] = [
+    ("range", "Range of each feature, and of the corrections, in the training rows", GuardKind::Range),
+    (
+        "processes",
+        "Also the distance from those rows, with weights learned on folds that leave a process out",
+        GuardKind::Processes,
+    ),
+];
 
 /// What trees make least.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum ObjectiveBy {
-    /// Absolute errors (median), as in Liu et al. 2025.
-    L1,
-    /// Huber's loss: squared up to 0.01 of the signal's unit, linear beyond.
-    Huber,
-    /// Squared errors (mean).
-    L2,
-    /// Errors at the three quartiles, combined as the trimean; three times as many trees.
-    Quantile,
-}
-
-impl ObjectiveBy {
-    fn objective(self) -> Objective {
-        match self {
-            Self::L1 => Objective::L1,
-            Self::Huber => Objective::Huber,
-            Self::L2 => Objective::L2,
-            Self::Quantile => Objective::Quantile,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-#[value(rename_all = "snake_case")]
-enum NamedProcess {
-    /// From closed to speed-no-load.
-    Startup,
-    /// On load, to a larger opening.
-    LoadIncrease,
-    /// To closed, with the emergency shutdown valve (ESV).
-    Shutdown,
-    /// Sudden closure from load.
-    LoadRejection,
-}
-
-impl NamedProcess {
-    fn is(self, process: Process) -> bool {
-        process
-            == match self {
-                Self::Startup => Process::Startup,
-                Self::LoadIncrease => Process::LoadIncrease,
-                Self::Shutdown => Process::Shutdown,
-                Self::LoadRejection => Process::LoadRejection,
-            }
-    }
-}
+const OBJECTIVES: [Choice<Objective>; 4] = [
+    ("l1", "Absolute errors (median), as in Liu et al. 2025", Objective::L1),
+    ("huber", "Huber's loss: squared up to 0.01 of the signal's unit, linear beyond", Objective::Huber),
+    ("l2", "Squared errors (mean)", Objective::L2),
+    (
+        "quantile",
+        "Errors at the three quartiles, combined as the trimean; three times as many trees",
+        Objective::Quantile,
+    ),
+];
 
 #[derive(Serialize)]
 struct Trained {
@@ -156,8 +111,7 @@ struct Trained {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let left_out: Vec<Process> =
-        Process::ALL.into_iter().filter(|own| args.leave_out.iter().any(|which| which.is(*own))).collect();
+    let left_out: Vec<Process> = Process::ALL.into_iter().filter(|own| args.leave_out.contains(own)).collect();
     let mut output = Output::claim(&args.learn.out, &["model.residual", "train.html", "train.json"])?;
     let ready = args.learn.prepare_without(args.cut, args.rate_of_inputs, &left_out)?;
     let table = &ready.table;
@@ -166,7 +120,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         bail!("no rows are left to judge on: {} rows were found; give more or longer recordings", table.marks.len());
     }
     let mut searches = vec![];
-    let objective = args.objective.objective();
+    let objective = args.objective;
     let mut with = Hyperparameters { objective, ..Hyperparameters::MANUAL };
     if !args.manual {
         let job = |kind, noun| SearchJob { id: "hybrid", kind, noun, objective };
@@ -178,8 +132,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let unit = &ready.sheet.unit;
     let rows = (&split.train[..], &split.test[..]);
-    let (mut model, estimates) =
-        trained(table, rows, Learned::Residual, &with, args.learn.seed, unit, args.guard.kind())?;
+    let (mut model, estimates) = trained(table, rows, Learned::Residual, &with, args.learn.seed, unit, args.guard)?;
     model.training.insert("objective".to_owned(), objective.id().to_owned());
     let names: Vec<&str> = ready.recordings.iter().map(|one| one.name.as_str()).collect();
     model.training.insert("recordings".to_owned(), names.join(", "));

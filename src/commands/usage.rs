@@ -1,5 +1,7 @@
 //! Slips on the command line: an error of their own, since their exit code is one.
 
+use govtwin_model::params::nearest;
+
 /// A slip in how the program was called, which no other file could mend: exit code 2.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
@@ -8,6 +10,12 @@ pub struct Usage(String);
 /// An error for a slip on the command line.
 pub fn usage(words: impl Into<String>) -> anyhow::Error {
     Usage(words.into()).into()
+}
+
+/// An error for a name that is none: the one that may be meant, or the command that lists them.
+pub fn unknown<'a>(slip: &str, name: &str, known: impl Iterator<Item = &'a str>, lists: &str) -> anyhow::Error {
+    let near = nearest(name, known).map(|near| format!("did you mean `{near}`?"));
+    usage(format!("{slip}; {}", near.unwrap_or_else(|| format!("`{lists}` lists them"))))
 }
 
 /// An error for a slip on the command line, unless `is_right`.

@@ -12,12 +12,11 @@ use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use govtwin_diagnosis::DiagnosisSettings;
 use govtwin_diagnosis::watch::history;
-use govtwin_model::params;
 
 use super::bags::TopicArgs;
 use super::output::{Output, print, warn};
 use super::{provenance, report_file};
-use crate::commands::{Outcome, expect, number, sheet_of, usage};
+use crate::commands::{Outcome, expect, number, sheet_of, unknown};
 use chronicle::Chronicle;
 use follow::Follower;
 
@@ -207,10 +206,8 @@ fn settings(only: &[String]) -> anyhow::Result<DiagnosisSettings> {
     let mut settings = DiagnosisSettings::default();
     for id in only {
         let known = settings.catalogue.iter().map(|spec| spec.id);
-        if !settings.catalogue.iter().any(|spec| spec.id == id) {
-            let near = params::nearest(id, known).map(|near| format!("did you mean `{near}`?"));
-            let way_out = near.unwrap_or_else(|| "`govtwin effects` lists them".to_owned());
-            return Err(usage(format!("--only {id}: there is no such effect; {way_out}")));
+        if !known.clone().any(|known| known == id) {
+            return Err(unknown(&format!("--only {id}: there is no such effect"), id, known, "govtwin effects"));
         }
     }
     if !only.is_empty() {

@@ -2,7 +2,7 @@
 
 use govtwin_bag::{FileHealth, TopicSurvey};
 use govtwin_model::number::{fixed, significant};
-use govtwin_model::units::{NANOS_PER_SECOND, seconds_from_nanos};
+use govtwin_model::units::seconds_from_nanos;
 use govtwin_pages::table::Table;
 
 use super::BagEntry;
@@ -112,37 +112,21 @@ fn size(bytes: u64) -> String {
 
 /// A time as `2026-05-28 21:33:20.000`, UTC.
 fn utc(time_ns: i64) -> String {
-    let (days, second) =
-        (time_ns.div_euclid(86_400 * NANOS_PER_SECOND), time_ns.rem_euclid(86_400 * NANOS_PER_SECOND) / 1_000_000);
-    let (year, month, day) = civil(days);
-    let (hours, minutes, seconds) = (second / 3_600_000, second / 60_000 % 60, second / 1000 % 60);
-    format!("{year:04}-{month:02}-{day:02} {hours:02}:{minutes:02}:{seconds:02}.{:03}", second % 1000)
-}
-
-/// Year, month and day of a number of days since 1970-01-01, in years that begin in March so that
-/// the leap day comes last (after Hinnant, chrono-compatible low-level date algorithms).
-fn civil(days: i64) -> (i64, i64, i64) {
-    let since_0000 = days + 719_468;
-    let era = since_0000.div_euclid(146_097);
-    let day_of_era = since_0000.rem_euclid(146_097);
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month + 2) / 5 + 1;
-    let (year, month) = if month < 10 { (year_of_era, month + 3) } else { (year_of_era + 1, month - 9) };
-    (era * 400 + year, month, day)
+    // Every number of nanoseconds of 64 bits is a time that the calendar knows.
+    let time = jiff::Timestamp::from_nanosecond(time_ns.into()).unwrap_or_default();
+    time.strftime("%Y-%m-%d %H:%M:%S%.3f").to_string()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{civil, size, utc};
+    use super::{size, utc};
 
     #[test]
     fn times_read_as_dates() {
         assert_eq!(utc(1_780_004_000_150_000_000), "2026-05-28 21:33:20.150");
         assert_eq!(utc(0), "1970-01-01 00:00:00.000");
         assert_eq!(utc(-1_000_000), "1969-12-31 23:59:59.999");
-        assert_eq!(civil(11_016), (2000, 2, 29));
+        assert_eq!(utc(11_016 * 86_400_000_000_000), "2000-02-29 00:00:00.000");
         assert_eq!(utc(i64::MAX), "2262-04-11 23:47:16.854");
     }
 
