@@ -19,7 +19,7 @@ use govtwin_model::twin::Twin;
 use govtwin_pages::acceptance::{Drawn, measures_table, page, without_table};
 
 use super::bags::{self, GivenBag, MapArgs, Recordings, TopicArgs};
-use super::output::{Output, Progress, print, table_text, warn};
+use super::output::{Output, Progress, print, table_text, warn_all};
 use super::provenance;
 use crate::commands::{Outcome, sheet_of};
 use faults::FoundFaults;
@@ -134,9 +134,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         print(&text(&summary))?;
         print(&format!("\nreport: {}\n", out.join("acceptance.html").display()))?;
     }
-    for warning in &warnings {
-        warn(warning);
-    }
+    warn_all(&warnings);
     let kept = matches!(summary.standing, None | Some(LimitStanding::Passes));
     Ok(if kept && warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
@@ -199,15 +197,9 @@ fn draw(recordings: &[Recording], unit: Option<&Unit>, named: &[String]) -> Vec<
 
 fn describe(made: &mut Provenance, args: &Args, warnings: &[String]) -> anyhow::Result<()> {
     made.warnings = warnings.to_vec();
-    if let Some(path) = &args.limits {
-        made.options.insert("limits".to_owned(), provenance::file(path)?.to_string());
-    }
-    if let Some(folder) = &args.diagnosis {
-        made.options.insert("diagnosis".to_owned(), provenance::file(&folder.join(faults::REPORT))?.to_string());
-    }
-    if args.measure_only {
-        made.options.insert("measure-only".to_owned(), "given".to_owned());
-    }
+    provenance::note_files(made, "limits", &args.limits)?;
+    provenance::note_files(made, "diagnosis", args.diagnosis.as_ref().map(|folder| folder.join(faults::REPORT)))?;
+    provenance::note(made, "measure-only", args.measure_only.then_some("given"));
     provenance::options(&args.topics, &args.map, made)
 }
 

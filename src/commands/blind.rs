@@ -22,7 +22,7 @@ use self::expected::ExpectedDigests;
 use self::method::methods;
 use self::shard::Shard;
 use super::bags::TopicArgs;
-use super::output::{Output, Progress, print, table_text, warn};
+use super::output::{Output, Progress, print, table_text, warn_all};
 use super::provenance;
 use super::replay::origin;
 use super::report_file::is_there;
@@ -198,7 +198,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         failed.extend(next_test::run_all(&cases, made, &judged_by, threads, out));
     }
     failed.sort();
-    warn_of(&failed);
+    warn_all(&failed);
     let labels = match (&made, &args.labels) {
         // A part opens no answers: the others may still be judged.
         (Some(_), _) if !whole => None,
@@ -225,7 +225,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(made) => made.validations(out, unit),
         None => later::of_folders(&cases, out, unit),
     };
-    warn_of(&unexamined);
+    warn_all(&unexamined);
     failed.extend(unexamined);
     let origin = made.as_ref().map_or_else(|| origin::of(&args.dir), |made| Some(made.origin().to_owned()));
     let mut made_from = provenance::new("blind", &sheet, made.is_some().then_some(args.seed))?;
@@ -237,7 +237,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     made_from.warnings.clone_from(&failed);
     let unscored =
         scoring::score_all(&labels, &realised, &methods, (&cases, &expected), &made_from, (out, output), args.json)?;
-    warn_of(&unscored);
+    warn_all(&unscored);
     failed.extend(unscored);
     Ok(outcome(&failed))
 }
@@ -248,12 +248,6 @@ fn judged_by(args: &Args) -> Vec<OsString> {
         _ if args.no_sheet => vec!["--no-sheet".into()],
         Some(params) => vec!["--params".into(), params.clone().into_os_string()],
         None => vec![],
-    }
-}
-
-fn warn_of(failed: &[String]) {
-    for failure in failed {
-        warn(failure);
     }
 }
 

@@ -19,7 +19,7 @@ use govtwin_model::recording::Recording;
 use govtwin_pages::diagnosis as report;
 
 use super::bags::{MapArgs, Recordings, TopicArgs};
-use super::output::{Output, Progress, print, warn, width};
+use super::output::{Output, Progress, print, warn_all, width};
 use super::provenance;
 use crate::commands::{Outcome, sheet_of, unknown};
 use given::{By, Given, UnitArgs};
@@ -182,9 +182,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let unit = by.unit_taken().map_or_else(String::new, |unit| format!("unit: {unit}\n"));
         print(&format!("\n{unit}report: {}\n", out.join("report.html").display()))?;
     }
-    for note in &diagnosis.notes {
-        warn(note);
-    }
+    warn_all(&diagnosis.notes);
     if args.fail_on.iter().any(|id| id == diagnosis.verdict.id()) {
         bail!("the verdict is {}, on which --fail-on ends with an error", diagnosis.verdict.id());
     }
@@ -210,9 +208,7 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
         files::refuse_to_replace(&out, &made)?;
     }
     let warnings = [mapped.warnings, warnings].concat();
-    for warning in &warnings {
-        warn(warning);
-    }
+    warn_all(&warnings);
     let settings = DiagnosisSettings { setup: by.setup(), ..settings };
     let (mut diagnosis, seconds) = judge(recordings, &unit, &settings)?;
     diagnosis.notes.splice(0..0, by.note().map(str::to_owned));
@@ -275,20 +271,9 @@ fn describe(
 ) -> anyhow::Result<()> {
     name.clone_into(&mut made.unit);
     made.warnings = [warnings, &diagnosis.notes].concat();
-    for one in made.recordings.iter_mut().filter(|one| one.left_out.is_none()) {
-        let head = format!("Left out: {}: ", one.name);
-        one.left_out = diagnosis.notes.iter().find_map(|note| Some(note.strip_prefix(&head)?.to_owned()));
-    }
-    let mut option = |name: &str, value: String| made.options.insert(name.to_owned(), value);
-    if !args.without.is_empty() {
-        option("without", args.without.join(", "));
-    }
-    if !args.candidates.is_empty() {
-        let files = args.candidates.iter().map(|path| Ok(provenance::file(path)?.to_string()));
-        option("candidate", files.collect::<anyhow::Result<Vec<_>>>()?.join(", "));
-    }
-    if let Some(path) = &args.true_values {
-        option("true-values", provenance::file(path)?.to_string());
-    }
+    provenance::note_left_out(made, "Left out: ", &diagnosis.notes);
+    provenance::note(made, "without", &args.without);
+    provenance::note_files(made, "candidate", &args.candidates)?;
+    provenance::note_files(made, "true-values", &args.true_values)?;
     provenance::options(&args.topics, &args.map, made)
 }

@@ -27,7 +27,7 @@ use govtwin_model::twin::Cut;
 
 use super::bags::{self, MapArgs, Mapped, Recordings, StageWanted, TopicArgs};
 use super::generate::effect;
-use super::output::{Output, Progress, print, warn};
+use super::output::{Output, Progress, print, warn_all};
 use super::provenance;
 use crate::commands::{Outcome, sheet_of, unknown};
 
@@ -158,9 +158,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if let (Some(out), false) = (&args.out, args.json) {
         print(&format!("\nFitted parameters: {}\n", out.join("fitted.yaml").display()))?;
     }
-    for warning in &warnings {
-        warn(warning);
-    }
+    warn_all(&warnings);
     Ok(if warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
@@ -170,17 +168,10 @@ fn describe(args: &Args, sheet: &Sheet, mapped: &Mapped, read: &Recordings) -> a
     made.unit = provenance::unit_of(&args.bags);
     made.recordings = provenance::inputs(&read.read, mapped)?;
     provenance::options(&args.topics, &args.map, &mut made)?;
-    let mut option = |name: &str, value: String| made.options.insert(name.to_owned(), value);
-    option("starts", args.starts.to_string());
-    for (name, values) in [("effect", &args.effects), ("free", &args.free)] {
-        if !values.is_empty() {
-            option(name, values.join(", "));
-        }
-    }
-    if !args.candidates.is_empty() {
-        let files = args.candidates.iter().map(|path| Ok(provenance::file(path)?.to_string()));
-        option("candidate", files.collect::<anyhow::Result<Vec<_>>>()?.join(", "));
-    }
+    provenance::note(&mut made, "starts", [args.starts.to_string()]);
+    provenance::note(&mut made, "effect", &args.effects);
+    provenance::note(&mut made, "free", &args.free);
+    provenance::note_files(&mut made, "candidate", &args.candidates)?;
     Ok(made)
 }
 
@@ -211,10 +202,7 @@ fn taken(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<CutReco
         bail!("no recording can be used:\n  {}", refused.join("\n  "));
     }
     warnings.extend(notes);
-    for one in made.recordings.iter_mut().filter(|one| one.left_out.is_none()) {
-        let head = format!("{}: ", one.name);
-        one.left_out = refused.iter().find_map(|reason| Some(reason.strip_prefix(&head)?.to_owned()));
-    }
+    provenance::note_left_out(made, "", &refused);
     warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
     Ok((qualified, warnings))
 }

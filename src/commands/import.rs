@@ -14,7 +14,7 @@ use govtwin_model::params::number_text;
 use govtwin_pages::table::Table;
 use serde_json::json;
 
-use super::output::{Progress, print, table_text, warn};
+use super::output::{Progress, print, table_text, warn_all};
 use crate::commands::{Outcome, usage};
 
 /// Make a bag of recordings as plants have them: CSV, Parquet, and bags with other topics and types.
@@ -141,7 +141,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             None => print("Nothing was written; add --out BAG.\n")?,
         }
     }
-    imported.warnings.iter().for_each(|warning| warn(warning));
+    warn_all(&imported.warnings);
     Ok(if imported.warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 

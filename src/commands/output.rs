@@ -65,6 +65,11 @@ pub fn warn(text: &str) {
     let _ = writeln!(io::stderr().lock(), "govtwin: warning: {}", plain(text));
 }
 
+/// The same for each of several.
+pub fn warn_all(texts: impl IntoIterator<Item = impl AsRef<str>>) {
+    texts.into_iter().for_each(|text| warn(text.as_ref()));
+}
+
 /// Writes why a command failed to standard error.
 pub fn fail(error: &anyhow::Error) {
     // Where even standard error is closed there is nobody left to tell.

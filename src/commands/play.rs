@@ -92,15 +92,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let Some(tape) = tape else { bail!("{}: nothing to play{}", args.bag.display(), none_of(&args.topics)) };
     let environment = args.network.environment()?;
-    for remark in &environment.remarks {
-        output::warn(remark);
-    }
+    output::warn_all(&environment.remarks);
     let stop = stop_on_signals()?;
     let mut bus = Bus::open(&environment, Arguments::parse(&args.ros, "govtwin_play")?)?;
     let player = Player::open(&mut bus, &tape, &options)?;
-    for words in bus.arguments().remarks.iter().chain(&bus.idle_arguments()) {
-        output::warn(words);
-    }
+    output::warn_all(bus.arguments().remarks.iter().chain(&bus.idle_arguments()));
     for (topic, reason) in &player.left_out {
         output::warn(&format!("{topic} is not played: {reason}"));
     }

@@ -94,14 +94,35 @@ fn files_of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
 
 /// Notes topics and map among the options of a report, the map with its digest.
 pub fn options(topics: &TopicArgs, map: &MapArgs, made: &mut Provenance) -> anyhow::Result<()> {
-    if !topics.named.is_empty() {
-        let named = topics.named.iter().map(|(stream, name)| format!("{stream}={name}"));
-        made.options.insert("topic".to_owned(), named.collect::<Vec<_>>().join(", "));
+    note(made, "topic", topics.named.iter().map(|(stream, name)| format!("{stream}={name}")));
+    note_files(made, "map", &map.map)
+}
+
+/// Notes an option among those of a report, with its values; not one that was not given.
+pub fn note(made: &mut Provenance, option: &str, values: impl IntoIterator<Item = impl Into<String>>) {
+    let values: Vec<String> = values.into_iter().map(Into::into).collect();
+    if !values.is_empty() {
+        made.options.insert(option.to_owned(), values.join(", "));
     }
-    if let Some(map) = &map.map {
-        made.options.insert("map".to_owned(), file(map)?.to_string());
-    }
+}
+
+/// The same with files as values, each with its digest.
+pub fn note_files(
+    made: &mut Provenance,
+    option: &str,
+    files: impl IntoIterator<Item = impl AsRef<Path>>,
+) -> anyhow::Result<()> {
+    let files = files.into_iter().map(|path| Ok(file(path.as_ref())?.to_string()));
+    note(made, option, files.collect::<anyhow::Result<Vec<_>>>()?);
     Ok(())
+}
+
+/// Notes which of the recordings were left out, and why: of each the reason begins with `head`, its name and a colon.
+pub fn note_left_out(made: &mut Provenance, head: &str, reasons: &[String]) {
+    for one in made.recordings.iter_mut().filter(|one| one.left_out.is_none()) {
+        let head = format!("{head}{}: ", one.name);
+        one.left_out = reasons.iter().find_map(|reason| Some(reason.strip_prefix(&head)?.to_owned()));
+    }
 }
 
 #[cfg(feature = "lab")]

@@ -81,18 +81,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Writer::check(&args.out, OPTIONS).context("--out")?;
     let length = duration(args.duration_s, "--duration")?;
     let environment = args.network.environment()?;
-    for remark in &environment.remarks {
-        output::warn(remark);
-    }
+    output::warn_all(&environment.remarks);
     let map = args.map.as_deref().map(bus_map::for_recording).transpose()?;
     let selection = selection(args, map.as_ref().map_or(&[], |(_, fields)| fields));
     let stop = stop_on_signals()?;
     let mut bus = Bus::open(&environment, Arguments::parse(&args.ros, "govtwin_record")?)?;
     let recorded = record(&mut bus, &selection, &args.out, length, &stop, &mut |words| output::say(words))
         .with_context(|| what_is_kept(&args.out))?;
-    for words in bus.arguments().remarks.iter().chain(&bus.idle_arguments()) {
-        output::warn(words);
-    }
+    output::warn_all(bus.arguments().remarks.iter().chain(&bus.idle_arguments()));
     drop(bus);
     let mut text = String::new();
     for (topic, count) in &recorded.messages {
@@ -113,9 +109,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     // Of all that is published some topics may stay silent, such as /parameter_events.
     let finds = args.all && args.topics.is_empty() && recorded.messages.values().any(|count| *count > 0);
     let silence = if finds { Vec::new() } else { recorded.silence(environment.domain) };
-    for words in &silence {
-        output::warn(words);
-    }
+    output::warn_all(&silence);
     let unread = map.and_then(|(map, _)| Import::open(std::slice::from_ref(&recorded.bag), &map).err());
     if let Some(problem) = &unread {
         output::warn(&format!("by the map the bag cannot be read: {problem}"));

@@ -30,7 +30,7 @@ use govtwin_pages::replay::{ladder_table, process_table, reason_for_dashes, reas
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use super::bags::{self, Bag, GivenBag, MapArgs, TopicArgs};
-use super::output::{Output, Progress, print, table_text, warn};
+use super::output::{Output, Progress, print, table_text, warn, warn_all};
 use super::provenance;
 use crate::commands::choice::{RATES_OF_INPUTS, choice};
 use crate::commands::{Outcome, sheet_of, usage};
@@ -271,7 +271,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         requirements.write(validation)?;
     }
     let mut outcome = if mapped.warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings };
-    mapped.warnings.iter().for_each(|warning| warn(warning));
+    warn_all(&mapped.warnings);
     for one in &summary.recordings {
         for warning in &one.warnings {
             warn(&format!("{}: {warning}", one.name));

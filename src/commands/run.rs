@@ -242,9 +242,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         output::write_atomically(path, figures.as_bytes())?;
     }
     output::print(&if args.json { figures } else { text })?;
-    for words in ended.iter().filter_map(|one| one.bag_ended.as_ref()) {
-        output::warn(words);
-    }
+    output::warn_all(ended.iter().filter_map(|one| one.bag_ended.as_ref()));
     let has_ended_early = |one: &RunEnd| one.by_fail_safe || one.bag_ended.is_some();
     Ok(if ended.iter().any(has_ended_early) { Outcome::Warnings } else { Outcome::Ok })
 }

@@ -15,7 +15,7 @@ use govtwin_pages::table::Table;
 use serde_json::json;
 
 use super::bags::{self, MapArgs, TopicArgs};
-use super::output::{Progress, claim_place, print, table_text, warn, write_atomically};
+use super::output::{Progress, claim_place, print, table_text, warn_all, write_atomically};
 use crate::commands::Outcome;
 
 /// Seed of the recordings by which it is found out what matters.
@@ -142,7 +142,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     } else if let Some(out) = &args.out {
         print(&summary(&derived, matter.as_ref(), out))?;
     }
-    derived.assumed.iter().for_each(|assumed| warn(assumed));
+    warn_all(&derived.assumed);
     Ok(if derived.assumed.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
@@ -153,7 +153,7 @@ fn recorded(args: &New, plate: &mut Plate, reference: &Unit) -> anyhow::Result<O
     }
     let mapped = args.map.open(&args.from)?;
     let read = bags::read_for_sheet(&mapped.paths, &args.topics.topics(), reference)?;
-    mapped.warnings.iter().chain(&read.warnings).for_each(|warning| warn(warning));
+    warn_all(mapped.warnings.iter().chain(&read.warnings));
     let filled = fill(plate, &read.recordings, reference);
     Ok(Some(filled.map_err(|reason| anyhow::anyhow!("--from: {reason}"))?))
 }

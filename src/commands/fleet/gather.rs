@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use super::entries::PlanFile;
 use super::look_at_each;
 use crate::commands::Outcome;
-use crate::commands::output::{Output, print, table_text, warn};
+use crate::commands::output::{Output, print, table_text, warn, warn_all};
 use crate::commands::provenance::{self, PROGRAM};
 use crate::commands::report_file::text_if_there;
 
@@ -302,9 +302,7 @@ impl<'a> All<'a> {
         for row in rows.iter().filter(|row| row.status != Status::Done) {
             warn(&format!("unit `{}`, {}: {}: {}", row.unit, row.period, row.status.id(), row.words));
         }
-        for damaged in &self.damaged {
-            warn(damaged);
-        }
+        warn_all(&self.damaged);
         let sound = self.damaged.is_empty() && rows.iter().all(|row| row.status == Status::Done);
         Ok(if sound { Outcome::Ok } else { Outcome::Warnings })
     }

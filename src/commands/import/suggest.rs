@@ -14,7 +14,7 @@ use serde_json::json;
 
 use super::progress;
 use crate::commands::Outcome;
-use crate::commands::output::{Output, one_line, print, table_text, warn};
+use crate::commands::output::{Output, one_line, print, table_text, warn_all};
 use crate::commands::replay::origin;
 
 /// The map.
@@ -75,7 +75,7 @@ pub fn run(file: &Path, known: &Known, out: &Path, as_json: bool) -> anyhow::Res
             page_path.display(),
         ))?;
     }
-    suggestion.open.iter().for_each(|open| warn(open));
+    warn_all(&suggestion.open);
     Ok(if suggestion.open.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 

@@ -1,13 +1,12 @@
 //! What a replay was made from: the provenance of its report.
 
-use std::path::PathBuf;
-
 use govtwin_correction::shipped;
 use govtwin_model::params::Sheet;
 use govtwin_model::provenance::Provenance;
 
 use super::super::bags::Mapped;
-use super::super::{model, provenance};
+use super::super::model;
+use super::super::provenance::{self, note, note_files};
 use super::residual::{Driven, Shipped};
 use super::{Args, Result};
 
@@ -28,24 +27,21 @@ pub(super) fn describe(
     });
     made.warnings = mapped.warnings.iter().cloned().chain(said).collect();
     let cut = govtwin_diagnosis::replay_summary::cut_id(args.cut.cut());
-    made.options.extend([("cut".to_owned(), cut.to_owned()), ("rate-of-inputs".to_owned(), driven.id().to_owned())]);
-    let residuals: Vec<PathBuf> = args.residual.iter().filter(|path| !model::is_none(path)).cloned().collect();
-    for (name, paths) in [("then", &args.then), ("residual", &residuals)] {
-        let files: Vec<String> =
-            paths.iter().map(|path| Ok(provenance::file(path)?.to_string())).collect::<anyhow::Result<_>>()?;
-        made.options.extend((!files.is_empty()).then(|| (name.to_owned(), files.join(", "))));
-    }
+    note(&mut made, "cut", [cut]);
+    note(&mut made, "rate-of-inputs", [driven.id()]);
+    note_files(&mut made, "then", &args.then)?;
+    note_files(&mut made, "residual", args.residual.iter().filter(|path| !model::is_none(path)))?;
     let residual = match shipped {
         Shipped::NotAsked => None,
         Shipped::Used => Some(shipped::file().to_string()),
         Shipped::Unfit(reason) => Some(format!("none: {reason}")),
     };
-    made.options.extend(residual.map(|words| ("residual".to_owned(), words)));
-    made.options.extend(args.adapt.then(|| ("adapt".to_owned(), "given".to_owned())));
-    made.options.extend((!args.require.is_empty()).then(|| ("require".to_owned(), args.require.join(", "))));
+    note(&mut made, "residual", residual);
+    note(&mut made, "adapt", args.adapt.then_some("given"));
+    note(&mut made, "require", &args.require);
     if let Some(path) = &args.against {
         let worse_by = format!("{}, worse by at most {} %", provenance::file(path)?, 100.0 * args.worse_by);
-        made.options.insert("against".to_owned(), worse_by);
+        note(&mut made, "against", [worse_by]);
     }
     provenance::options(&args.topics, &args.map, &mut made)?;
     Ok(made)

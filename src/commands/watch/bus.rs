@@ -23,7 +23,7 @@ use super::follow::{self, Follower};
 use super::{Args, look, wait};
 use crate::commands::bus_map::load;
 use crate::commands::network::environment;
-use crate::commands::output::{say, warn};
+use crate::commands::output::{say, warn, warn_all};
 use crate::commands::run::stop_on_signals;
 use crate::commands::{Outcome, expect};
 
@@ -124,18 +124,14 @@ fn tell(chronicle: &Chronicle, news: &Sender<UnitVerdict>) {
 
 fn open(args: &BusArgs) -> anyhow::Result<(Bus, u16)> {
     let environment = args.environment()?;
-    for remark in &environment.remarks {
-        warn(remark);
-    }
+    warn_all(&environment.remarks);
     let bus = Bus::open(&environment, Arguments::parse(&args.ros, "govtwin_watch")?)?;
     Ok((bus, environment.domain))
 }
 
 /// Says which arguments do nothing.
 fn remark(bus: &Bus) {
-    for words in bus.arguments().remarks.iter().chain(&bus.idle_arguments()) {
-        warn(words);
-    }
+    warn_all(bus.arguments().remarks.iter().chain(&bus.idle_arguments()));
 }
 
 /// Follows bags, and publishes what they show.
@@ -170,9 +166,7 @@ pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
     if chronicle.warned {
         put_back(&chronicle, &done, &queue)?;
     }
-    for words in take_up(&queue) {
-        warn(&words);
-    }
+    warn_all(take_up(&queue));
     let (mut bus, domain) = open(&args.bus)?;
     if let Some(translator) = &mut translator {
         translator.resolve(|given| bus.arguments().resolve(given))?;
@@ -198,9 +192,7 @@ pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
     });
     remark(&bus);
     let (recorded, _) = heard?;
-    for words in recorded.silence(domain) {
-        warn(&words);
-    }
+    warn_all(recorded.silence(domain));
     let listening = listener.recorder.listening();
     if let Some(name) = listener.recorder.in_the_making() {
         warn(&format!(
@@ -234,9 +226,7 @@ impl Sink for WatchListener {
     fn second(&mut self, lost: u64) -> Result<(), BagError> {
         self.recorder.second(lost)?;
         let translator = self.translator.as_mut().map(Translator::words);
-        for words in self.recorder.words().into_iter().chain(translator.into_iter().flatten()) {
-            warn(&words);
-        }
+        warn_all(self.recorder.words().into_iter().chain(translator.into_iter().flatten()));
         self.worker.verdicts.try_iter().for_each(|verdict| self.herald.take(verdict));
         self.herald.second(Some(&self.recorder.listening()));
         Ok(())

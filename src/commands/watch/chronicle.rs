@@ -12,7 +12,7 @@ use govtwin_model::provenance::RecordingGiven;
 use govtwin_pages::watch::{Watched, page};
 
 use super::NAMES;
-use crate::commands::output::{Output, Progress, print, warn};
+use crate::commands::output::{Output, Progress, print, warn_all};
 use crate::commands::provenance::{self, PROGRAM};
 
 /// Keeps the history of one unit.
@@ -57,9 +57,7 @@ impl Chronicle {
         let words = if self.json { serde_json::to_string(entry)? + "\n" } else { line(entry) };
         self.place()?;
         print(&words)?;
-        for warning in &warnings {
-            warn(warning);
-        }
+        warn_all(&warnings);
         Ok(true)
     }
 
