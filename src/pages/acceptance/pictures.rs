@@ -46,31 +46,17 @@ pub(super) fn response(summary: &AcceptanceSummary) -> Picture {
         if all.is_empty() {
             continue;
         }
-        let x = |hz: f64| hz.log10();
-        let line = |points| Mark::new(MarkShape::Line(points), ink, label).dashed(dash);
-        let dots = |points| Mark::new(MarkShape::Dots(points), ink, "").dashed(dash);
-        gain = gain
-            .band(
-                ink,
-                "",
-                all.iter()
-                    .map(|one| [x(one.frequency_hz), one.gain - one.gain_half, one.gain + one.gain_half])
-                    .collect(),
-            )
-            .mark(line(all.iter().map(|one| [x(one.frequency_hz), one.gain]).collect()))
-            .mark(dots(all.iter().map(|one| [x(one.frequency_hz), one.gain]).collect()));
-        phase = phase
-            .band(
-                ink,
-                "",
-                all.iter()
-                    .map(|one| {
-                        [x(one.frequency_hz), one.phase_deg - one.phase_half_deg, one.phase_deg + one.phase_half_deg]
-                    })
-                    .collect(),
-            )
-            .mark(line(all.iter().map(|one| [x(one.frequency_hz), one.phase_deg]).collect()))
-            .mark(dots(all.iter().map(|one| [x(one.frequency_hz), one.phase_deg]).collect()));
+        // Value and half width of its interval over the frequency.
+        let drawn = |panel: Panel, values: Vec<[f64; 3]>| {
+            let points: Vec<_> = values.iter().map(|[x, value, _]| [*x, *value]).collect();
+            panel
+                .band(ink, "", values.iter().map(|[x, value, half]| [*x, value - half, value + half]).collect())
+                .mark(Mark::new(MarkShape::Line(points.clone()), ink, label).dashed(dash))
+                .mark(Mark::new(MarkShape::Dots(points), ink, "").dashed(dash))
+        };
+        gain = drawn(gain, all.iter().map(|one| [one.frequency_hz.log10(), one.gain, one.gain_half]).collect());
+        phase =
+            drawn(phase, all.iter().map(|one| [one.frequency_hz.log10(), one.phase_deg, one.phase_half_deg]).collect());
     }
     Picture::grid("Frequency response from command to position", 2, vec![gain, phase])
 }
