@@ -83,12 +83,6 @@ pub struct ProcessRecorder {
     words: Vec<String>,
 }
 
-impl std::fmt::Debug for ProcessRecorder {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ProcessRecorder").field("folder", &self.folder).finish_non_exhaustive()
-    }
-}
-
 impl ProcessRecorder {
     /// Begins to record into `folder`; `name` gives each bag a name that no other has.
     #[must_use]

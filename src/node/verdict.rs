@@ -135,12 +135,6 @@ pub struct Herald {
     untold: Option<UnitVerdict>,
 }
 
-impl std::fmt::Debug for Herald {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Herald").field("unit", &self.unit).finish_non_exhaustive()
-    }
-}
-
 impl Herald {
     /// Opens both publishers.
     ///

@@ -48,19 +48,16 @@ impl Listener<'_> {
     }
 
     fn take_mapped(&self, sample: Result<TappedSample, String>, heard: &mut HeardTopic) {
+        let count = |heard: &HeardTopic, refusal| {
+            for &input in &heard.inputs {
+                self.gates.borrow_mut()[input as usize].refuse(refusal);
+            }
+        };
         match sample {
             Err(_) => heard.inputs.iter().for_each(|&input| self.refuse(input, Refusal::Undecodable)),
-            Ok(sample) if self.is_other(sample.sender, heard) => {
-                let mut gates = self.gates.borrow_mut();
-                for &input in &heard.inputs {
-                    gates[input as usize].refuse(Refusal::ForeignType);
-                }
-            }
+            Ok(sample) if self.is_other(sample.sender, heard) => count(heard, Refusal::ForeignType),
             Ok(sample) if !self.may_command(sample.sender, &self.label_of(heard)) => {
-                let mut gates = self.gates.borrow_mut();
-                for &input in &heard.inputs {
-                    gates[input as usize].refuse(Refusal::NotCommander);
-                }
+                count(heard, Refusal::NotCommander);
             }
             Ok(sample) => {
                 let lost = self.numbers.borrow_mut().take(sample.sender, sample.number);
