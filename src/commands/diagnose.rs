@@ -22,102 +22,60 @@ use super::bags::{MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, warn_all, width};
 use super::provenance;
 use crate::commands::{Outcome, sheet_of, unknown};
-use given::{By, Given, UnitArgs};
+use given::{By, Given};
 
 pub use files::{FITTED, NAMES};
+pub use given::UnitArgs;
 
 /// Arguments of `govtwin diagnose`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
     /// Recordings of one unit: bags, bag folders, or folders that contain them.
     #[arg(value_name = "BAG", required = true)]
-    bags: Vec<PathBuf>,
+    pub(super) bags: Vec<PathBuf>,
     #[command(flatten)]
-    topics: TopicArgs,
+    pub(super) topics: TopicArgs,
     #[command(flatten)]
-    map: MapArgs,
+    pub(super) map: MapArgs,
     #[command(flatten)]
-    unit_of: UnitArgs,
+    pub(super) unit_of: UnitArgs,
     /// Folder for the results [default: diagnosis/UNIT].
     ///
     /// UNIT is the folder that contains the recordings, or the name of the single recording.
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
     /// Replace the report of another unit in the folder; without it, such a report is kept and the command ends with
     /// an error.
     #[arg(long)]
-    overwrite: bool,
+    pub(super) overwrite: bool,
     /// Leave an effect out of the catalogue; may be repeated.
     #[arg(long, value_name = "ID")]
-    without: Vec<String>,
+    pub(super) without: Vec<String>,
     /// Add the effects that a parameter file defines to the catalogue (docs/own_effect.md); may be repeated.
     #[arg(long = "candidate", value_name = "FILE")]
-    candidates: Vec<PathBuf>,
+    pub(super) candidates: Vec<PathBuf>,
     /// Seed of the bootstrap that gives the intervals of explained fractions.
     #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    pub(super) seed: u64,
     /// True values of the unit with its faults (parameter file), where they are known, as of a simulated unit.
     ///
     /// The report then states the regret of the search: χ² found for the true faults beside χ² reached by a fit from these
     /// values. They are used after the verdict, and for nothing else.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["no_sheet", "stage_alone"])]
-    true_values: Option<PathBuf>,
+    pub(super) true_values: Option<PathBuf>,
     /// Print JSON instead of a summary: the content of DIR/report.json.
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
     /// End with exit code 1 on these verdicts, separated by commas; the report is written in any case.
     #[arg(long, value_name = "VERDICTS", value_delimiter = ',', value_parser = PossibleValuesParser::new(Verdict::ALL.map(Verdict::id)))]
-    fail_on: Vec<String>,
+    pub(super) fail_on: Vec<String>,
     /// What the unit is called, where whoever asks knows.
     #[arg(skip)]
-    unit: Option<String>,
+    pub(super) unit: Option<String>,
     /// Places that stand in for others, each with the one that reports show.
     #[arg(skip)]
-    stand_ins: Vec<(String, String)>,
-}
-
-/// A diagnosis that another command asks for.
-#[derive(Debug)]
-pub struct Request {
-    /// What the unit is called.
-    pub unit: String,
-    /// Its recordings.
-    pub bags: Vec<PathBuf>,
-    /// Its sheet.
-    pub params: Option<PathBuf>,
-    /// Its import map.
-    pub map: Option<PathBuf>,
-    /// Effects left out of the catalogue.
-    pub without: Vec<String>,
-    /// Seed of the resampling.
-    pub seed: u64,
-    /// Folder for the report.
-    pub out: PathBuf,
-    /// Places that stand in for others, each with the one that reports show.
-    pub stand_ins: Vec<(String, String)>,
-}
-
-impl From<Request> for Args {
-    fn from(request: Request) -> Self {
-        let Request { unit, bags, params, map, without, seed, out, stand_ins } = request;
-        Self {
-            bags,
-            topics: TopicArgs::default(),
-            map: MapArgs { map },
-            unit_of: UnitArgs { params, ..UnitArgs::default() },
-            out: Some(out),
-            overwrite: true,
-            without,
-            candidates: vec![],
-            seed,
-            true_values: None,
-            json: false,
-            fail_on: vec![],
-            unit: Some(unit),
-            stand_ins,
-        }
-    }
+    pub(super) stand_ins: Vec<(String, String)>,
 }
 
 /// What a diagnosis left, and what there is to say of it.

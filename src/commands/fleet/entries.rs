@@ -123,33 +123,22 @@ pub fn write(store: &Store, entries: &[Entry]) -> anyhow::Result<()> {
     Ok(store.put(&offsets_of(ENTRIES), offsets.as_bytes())?)
 }
 
-/// Which entry is meant.
-pub enum EntryChoice {
-    /// The one at an index.
-    At(usize),
-    /// The one that the engine handed over whole.
-    This(Box<Entry>),
-    /// All of them.
-    All,
-}
-
-/// The entry that option or engine names; all where neither does.
-pub fn wanted(index: Option<usize>) -> anyhow::Result<EntryChoice> {
+/// The entry that option or engine names, or that the engine handed over whole; all of the plan where neither does.
+pub fn wanted(plan: &PlanFile, index: Option<usize>) -> anyhow::Result<Vec<Entry>> {
     if let Some(index) = index {
-        return Ok(EntryChoice::At(index));
+        return Ok(vec![plan.nth(index)?]);
     }
     let set = VARIABLES
         .into_iter()
         .find_map(|name| Some((name, std::env::var(name).ok().filter(|value| !value.trim().is_empty())?)));
-    let Some((name, value)) = set else { return Ok(EntryChoice::All) };
+    let Some((name, value)) = set else { return plan.all() };
     if value.trim_start().starts_with('{') {
-        let entry = Entry::read(&value, PROGRAM).with_context(|| format!("the variable {name}"))?;
-        return Ok(EntryChoice::This(Box::new(entry)));
+        return Ok(vec![Entry::read(&value, PROGRAM).with_context(|| format!("the variable {name}"))?]);
     }
-    let index = value.trim().trim_matches('"').parse();
-    index.map(EntryChoice::At).map_err(|_| {
+    let index = value.trim().trim_matches('"').parse().map_err(|_| {
         usage(format!("the variable {name}: expected the index of an entry, or an entry, found `{value}`"))
-    })
+    })?;
+    Ok(vec![plan.nth(index)?])
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use govtwin_diagnosis::fleet::entry::Entry;
 use govtwin_files::store::Store;
 use serde_json::json;
 
-use super::entries::{EntryChoice, PlanFile, wanted};
+use super::entries::{PlanFile, wanted};
 use super::worker::{Done, work};
 use crate::commands::Outcome;
 use crate::commands::output::{print, warn};
@@ -58,11 +58,7 @@ none; 2 wrong usage.";
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let plan = PlanFile::open(&args.plan).context("UNITS")?;
     let store = Store::open(&args.out).context("--out")?;
-    let entries = match wanted(args.index)? {
-        EntryChoice::At(index) => vec![plan.nth(index)?],
-        EntryChoice::This(entry) => vec![*entry],
-        EntryChoice::All => plan.all()?,
-    };
+    let entries = wanted(&plan, args.index)?;
     let mut lacking = Vec::new();
     for entry in &entries {
         match work(entry, &plan.beside, &store, args.retry_failed) {

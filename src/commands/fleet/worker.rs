@@ -11,7 +11,8 @@ use govtwin_files::digest::sha256;
 use govtwin_files::store::Store;
 use govtwin_model::provenance::FileUsed;
 
-use crate::commands::diagnose::{self, Diagnosed, NAMES, Request};
+use crate::commands::bags::MapArgs;
+use crate::commands::diagnose::{self, Diagnosed, NAMES, UnitArgs};
 use crate::commands::provenance::{self, PROGRAM};
 use crate::commands::report_file::is_there;
 
@@ -61,18 +62,20 @@ fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<Entry
     let folder = tempfile::tempdir().context("no temporary folder")?;
     let inputs = EntryFiles::gather(entry, beside, folder.path())?;
     let out = folder.path().join("out");
-    let request = Request {
-        unit: entry.unit.clone(),
+    let request = diagnose::Args {
+        unit: Some(entry.unit.clone()),
         bags: inputs.bags,
-        params: inputs.sheet,
-        map: inputs.map,
+        unit_of: UnitArgs { params: inputs.sheet, ..UnitArgs::default() },
+        map: MapArgs { map: inputs.map },
         without: entry.options.without.clone(),
         seed: entry.options.seed,
-        out: out.clone(),
+        out: Some(out.clone()),
+        overwrite: true,
         stand_ins: inputs.stand_ins.clone(),
+        ..diagnose::Args::default()
     };
     let mut outcome = EntryResult::of(entry, PROGRAM);
-    match catch_unwind(AssertUnwindSafe(|| diagnose::unit(&request.into()))) {
+    match catch_unwind(AssertUnwindSafe(|| diagnose::unit(&request))) {
         Ok(Ok(diagnosed)) => keep(&mut outcome, &diagnosed, &out, store)?,
         Ok(Err(error)) if may_pass(&error) => return Err(error),
         Ok(Err(error)) => outcome.error = Some(shown(format!("{error:#}"), &inputs.stand_ins)),
