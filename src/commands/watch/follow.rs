@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use govtwin_bag::{
-    self, BagError, Growing, Grown, Health, Interpolation, Positions, ReadOptions, Rows, Stream, Topics,
+    self, BagError, Growing, Grown, Health, Interpolation, Positions, ReadOptions, Rows, Stream, Topics, broken_off,
+    intended_place,
 };
 use govtwin_diagnosis::watch::cut::{CutProcess, Cutter};
 use govtwin_model::frame::Frame;
@@ -94,17 +95,12 @@ impl Rows for Cutting {
 
 /// Whether there is something at a path, or something is being recorded that will stand there.
 pub fn may_come(path: &Path) -> bool {
-    path.exists() || unfinished(path).is_dir()
+    path.exists() || broken_off(path).is_some()
 }
 
-/// Where `govtwin record` writes a bag until it is whole.
-fn unfinished(path: &Path) -> PathBuf {
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-    path.with_file_name(format!(".{name}.unfinished"))
-}
-
+/// Whether `govtwin record` is writing here a bag that is not whole yet.
 fn is_unfinished(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(".unfinished"))
+    intended_place(path).is_some()
 }
 
 /// How the recordings of a unit are read.
@@ -191,7 +187,7 @@ impl Follower {
             } else if path.exists() {
                 all.push(path.clone());
             } else {
-                all.extend(Some(unfinished(path)).filter(|path| path.is_dir()));
+                all.extend(broken_off(path));
             }
         }
         all
@@ -200,11 +196,8 @@ impl Follower {
 
 /// What to call a bag: its name, that of an unfinished one without its dress.
 fn shown(path: &Path) -> String {
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    match name.strip_prefix('.').and_then(|name| name.strip_suffix(".unfinished")) {
-        Some(bare) => bare.to_owned(),
-        None => name,
-    }
+    let place = intended_place(path).unwrap_or_else(|| path.to_owned());
+    place.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 /// Bytes of a file, or of all files of a folder.
