@@ -43,20 +43,13 @@ Exit codes: 0 ok, 1 error, 2 wrong usage, 3 finished with warnings, 4 a limit of
 enum Command {
     /// Measure a unit against acceptance limits, as found and without each of its faults.
     Accept(commands::accept::Args),
-    /// Diagnose every unit of a folder, and score the verdicts if the true faults are known.
-    #[cfg(feature = "lab")]
+    /// Diagnose every unit of a folder, and score the verdicts if the true faults are known
+    #[cfg_attr(not(feature = "lab"), doc = "(not in this build)")]
     #[command(visible_alias = "benchmark")]
     Blind(commands::blind::Args),
-    /// Diagnose every unit of a folder, and score the verdicts if the true faults are known (not in this build).
-    #[cfg(not(feature = "lab"))]
-    #[command(visible_alias = "benchmark")]
-    Blind(Absent),
-    /// Learn the numbers of the posterior from diagnosed units whose faults are known.
-    #[cfg(feature = "lab")]
+    /// Learn the numbers of the posterior from diagnosed units whose faults are known
+    #[cfg_attr(not(feature = "lab"), doc = "(not in this build)")]
     Calibrate(commands::calibrate::Args),
-    /// Learn the numbers of the posterior from diagnosed units whose faults are known (not in this build).
-    #[cfg(not(feature = "lab"))]
-    Calibrate(Absent),
     /// Validate a parameter file, and print the unit that it describes.
     Check(commands::check::Args),
     /// Diagnose why a unit differs from its twin: where, which effect, and how much it explains.
@@ -83,36 +76,21 @@ enum Command {
     Sheet(commands::sheet::Args),
     /// Make the page of a diagnosis again from its JSON report.
     Report(commands::report::Args),
-    /// Train a learned correction of the twin, the residual model of `replay` and `run`.
-    #[cfg(feature = "residual")]
+    /// Train a learned correction of the twin, the residual model of `replay` and `run`
+    #[cfg_attr(not(feature = "residual"), doc = "(not in this build)")]
     Train(commands::train::Args),
-    /// Train a learned correction of the twin, the residual model of `replay` and `run` (not in this build).
-    #[cfg(not(feature = "residual"))]
-    Train(Absent),
-    /// Compare the twin, data-only models and hybrids, as in Liu et al. 2025.
-    #[cfg(feature = "residual")]
+    /// Compare the twin, data-only models and hybrids, as in Liu et al. 2025
+    #[cfg_attr(not(feature = "residual"), doc = "(not in this build)")]
     Compare(commands::compare::Args),
-    /// Compare the twin, data-only models and hybrids, as in Liu et al. 2025 (not in this build).
-    #[cfg(not(feature = "residual"))]
-    Compare(Absent),
-    /// Run the twin as a ROS 2 node.
-    #[cfg(feature = "node")]
+    /// Run the twin as a ROS 2 node
+    #[cfg_attr(not(feature = "node"), doc = "(not in this build)")]
     Run(commands::run::Args),
-    /// Run the twin as a ROS 2 node (not in this build).
-    #[cfg(not(feature = "node"))]
-    Run(Absent),
-    /// Publish a recording over DDS with its timing.
-    #[cfg(feature = "node")]
+    /// Publish a recording over DDS with its timing
+    #[cfg_attr(not(feature = "node"), doc = "(not in this build)")]
     Play(commands::play::Args),
-    /// Publish a recording over DDS with its timing (not in this build).
-    #[cfg(not(feature = "node"))]
-    Play(Absent),
-    /// Record topics from DDS into a bag.
-    #[cfg(feature = "node")]
+    /// Record topics from DDS into a bag
+    #[cfg_attr(not(feature = "node"), doc = "(not in this build)")]
     Record(commands::record::Args),
-    /// Record topics from DDS into a bag (not in this build).
-    #[cfg(not(feature = "node"))]
-    Record(Absent),
     /// Watch a unit: diagnose each process that it records, and warn when a fault has grown.
     Watch(commands::watch::Args),
     /// Print the completion script of a shell for commands, options and values.
@@ -121,36 +99,11 @@ enum Command {
     Man(commands::man::Args),
 }
 
-/// Arguments of a command that this build does not have: whatever they are, the answer is which build has it.
-#[cfg(not(all(feature = "lab", feature = "residual", feature = "node")))]
-#[derive(Debug, clap::Args)]
-struct Absent {
-    #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
-    _anything: Vec<String>,
-}
-
-/// Which build has a command.
-#[cfg(not(all(feature = "lab", feature = "residual", feature = "node")))]
-fn absent(command: &str, feature: &str) -> anyhow::Result<Outcome> {
-    let needs = match feature {
-        "residual" => "it needs CMake 3.28, a C++ compiler and libclang, which scripts/test sets up",
-        "lab" => "it is the laboratory, which measures the program and is no part of it",
-        _ => "it needs Linux, and is in the default build",
-    };
-    anyhow::bail!(
-        "`govtwin {command}` is not in this build, which was made without the cargo feature `{feature}`; `cargo install --path . --features \
-         {feature}` makes one that has it ({needs})"
-    )
-}
-
 /// Starts the threads that share the work: where there is no room for them their library would end the process amid it.
 fn start_threads(command: &Command) -> anyhow::Result<()> {
-    #[cfg(feature = "node")]
-    if matches!(command, Command::Run(_) | Command::Play(_) | Command::Record(_)) {
-        // The node's threads are its own.
-        return Ok(());
-    }
-    if matches!(command, Command::Completions(_) | Command::Man(_)) {
+    // The node's threads are its own.
+    let is_node = matches!(command, Command::Run(_) | Command::Play(_) | Command::Record(_));
+    if is_node || matches!(command, Command::Completions(_) | Command::Man(_)) {
         return Ok(());
     }
     let started = rayon::ThreadPoolBuilder::new().build_global();
@@ -167,14 +120,8 @@ pub fn main() -> ExitCode {
     }
     let outcome = match command {
         Command::Accept(args) => commands::accept::run(&args),
-        #[cfg(feature = "lab")]
         Command::Blind(args) => commands::blind::run(&args),
-        #[cfg(not(feature = "lab"))]
-        Command::Blind(_) => absent("blind", "lab"),
-        #[cfg(feature = "lab")]
         Command::Calibrate(args) => commands::calibrate::run(&args),
-        #[cfg(not(feature = "lab"))]
-        Command::Calibrate(_) => absent("calibrate", "lab"),
         Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Check(args) => commands::check::run(&args),
         Command::Doctor(args) => commands::doctor::run(&args),
@@ -191,25 +138,10 @@ pub fn main() -> ExitCode {
         Command::Watch(args) => commands::watch::run(&args),
         Command::Completions(args) => commands::completions::run(&args, Cli::command()),
         Command::Man(args) => commands::man::run(&args, Cli::command()),
-        #[cfg(not(feature = "residual"))]
-        Command::Train(_) => absent("train", "residual"),
-        #[cfg(not(feature = "residual"))]
-        Command::Compare(_) => absent("compare", "residual"),
-        #[cfg(not(feature = "node"))]
-        Command::Run(_) => absent("run", "node"),
-        #[cfg(not(feature = "node"))]
-        Command::Play(_) => absent("play", "node"),
-        #[cfg(not(feature = "node"))]
-        Command::Record(_) => absent("record", "node"),
-        #[cfg(feature = "residual")]
         Command::Train(args) => commands::train::run(&args),
-        #[cfg(feature = "residual")]
         Command::Compare(args) => commands::compare::run(&args),
-        #[cfg(feature = "node")]
         Command::Run(args) => commands::run::run(&args),
-        #[cfg(feature = "node")]
         Command::Play(args) => commands::play::run(&args),
-        #[cfg(feature = "node")]
         Command::Record(args) => commands::record::run(&args),
     };
     match outcome {

@@ -1,5 +1,7 @@
 //! One file per command: its arguments, and what it does.
 
+#[cfg(not(all(feature = "lab", feature = "residual", feature = "node")))]
+mod absent;
 pub mod accept;
 pub mod bags;
 #[cfg(feature = "lab")]
@@ -45,6 +47,26 @@ pub mod sheet;
 pub mod train;
 mod usage;
 pub mod watch;
+
+/// Commands that are there with a feature alone: where it is off, they say so.
+macro_rules! absent {
+    ($($command:ident needs $feature:tt),+) => {$(
+        #[cfg(not(feature = $feature))]
+        pub mod $command {
+            pub use super::absent::Args;
+
+            /// Says which build has the command.
+            pub fn run(_: &Args) -> anyhow::Result<super::Outcome> {
+                super::absent::run(stringify!($command), $feature)
+            }
+        }
+    )+};
+}
+
+absent!(
+    blind needs "lab", calibrate needs "lab", compare needs "residual", train needs "residual", play needs "node",
+    record needs "node", run needs "node"
+);
 
 use std::path::Path;
 

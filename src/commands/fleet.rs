@@ -10,7 +10,6 @@ mod unit_sheets;
 mod worker;
 
 use clap::Subcommand;
-use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::commands::Outcome;
 use crate::commands::output::Progress;
@@ -62,10 +61,8 @@ fn look_at_each<T: Sync, Counts: Send, Not: Send>(
     noun: &'static str,
     look: impl Fn(&T) -> anyhow::Result<Result<Counts, Not>> + Sync,
 ) -> anyhow::Result<(Vec<Counts>, Vec<Not>)> {
-    let progress = Progress::new(items.len(), noun);
-    let looked: Vec<_> = items.par_iter().map(|item| look(item).inspect(|_| progress.step())).collect();
     let (mut counts, mut not) = (Vec::new(), Vec::new());
-    for one in looked {
+    for one in Progress::each(items, noun, look) {
         match one? {
             Ok(one) => counts.push(one),
             Err(one) => not.push(one),

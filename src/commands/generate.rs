@@ -19,7 +19,6 @@ use govtwin_model::params::{self, Overlay};
 use govtwin_model::recording::Process;
 use govtwin_model::units;
 use jiff::Timestamp;
-use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::commands::choice::{Choice, PROCESSES, choice};
 use crate::commands::output::{Output, Progress, print};
@@ -120,25 +119,19 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
     let is_asked = |process: &Process| args.process.iter().any(|asked| asked.is_none_or(|asked| asked == *process));
     let processes: Vec<Process> = Process::ALL.into_iter().filter(is_asked).collect();
-    let progress = Progress::new(processes.len(), "recordings");
-    let written: anyhow::Result<Vec<(Sealed, String)>> = processes
-        .par_iter()
-        .map(|process| {
-            let scenario = Scenario {
-                unit: unit.clone(),
-                process: *process,
-                rate_hz: args.rate_hz,
-                duration_s: args.duration_s,
-                rich: args.rich,
-                seed: args.seed,
-            };
-            let recorded = record(&scenario, args.start, &args.out.join(process.id()))?;
-            progress.step();
-            Ok(recorded)
-        })
-        .collect();
-    drop(progress);
-    let (bags, mut lines): (Vec<Sealed>, Vec<String>) = written?.into_iter().unzip();
+    let written = Progress::each(&processes, "recordings", |process| {
+        let scenario = Scenario {
+            unit: unit.clone(),
+            process: *process,
+            rate_hz: args.rate_hz,
+            duration_s: args.duration_s,
+            rich: args.rich,
+            seed: args.seed,
+        };
+        record(&scenario, args.start, &args.out.join(process.id()))
+    });
+    let written = written.into_iter().collect::<anyhow::Result<Vec<_>>>()?;
+    let (bags, mut lines): (Vec<Sealed>, Vec<String>) = written.into_iter().unzip();
     output.add_bags(bags);
     let truth = output.path(TRUTH);
     output.add(TRUTH, params::overlay_text(&truth, &label(args, &unit))?.as_bytes())?;

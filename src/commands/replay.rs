@@ -27,7 +27,7 @@ use govtwin_model::replay::Replayed;
 use govtwin_model::replay::ladder::Ladder;
 use govtwin_model::twin::{Cut, Twin};
 use govtwin_pages::replay::{ladder_table, process_table, reason_for_dashes, reason_for_stars};
-use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator};
 
 use super::bags::{self, Bag, GivenBag, MapArgs, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn, warn_all};
@@ -307,17 +307,9 @@ fn on_all<With: Send, Made: Send>(
     with: Vec<With>,
     work: impl Fn(&Bag, With) -> anyhow::Result<Made> + Sync,
 ) -> anyhow::Result<Vec<Made>> {
-    let progress = Progress::new(bags.len(), "recordings");
-    let done = |(bag, with)| {
-        let made = work(bag, with);
-        progress.step();
-        made
-    };
-    let results: Vec<anyhow::Result<Made>> = bags.par_iter().zip(with).map(done).collect();
-    drop(progress);
     let mut all = vec![];
     let mut errors = vec![];
-    for result in results {
+    for result in Progress::each(bags.par_iter().zip(with), "recordings", |(bag, with)| work(bag, with)) {
         match result {
             Ok(made) => all.push(made),
             Err(error) => errors.push(format!("{error:#}")),

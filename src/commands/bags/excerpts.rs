@@ -8,7 +8,7 @@ use govtwin_bag::{BagError, Health, Positions, ReadOptions, Rows};
 use govtwin_diagnosis::watch::excerpt::{Excerpts, FoundProcess, MOST_ROWS, WHOLE_S, choose};
 use govtwin_model::frame::Frame;
 use govtwin_model::recording::Recording;
-use rayon::prelude::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 
 use super::Bag;
 use crate::commands::output::Progress;
@@ -30,29 +30,23 @@ pub struct Taken {
 
 /// Reads all bags, or says for each why it cannot be used; where `uncut`, long ones whole, as long as there is room.
 pub fn read(bags: &[Bag], options: &ReadOptions, uncut: bool) -> anyhow::Result<Vec<Result<Taken, String>>> {
-    let progress = Progress::new(bags.len(), "recordings read");
     let (whole_rows, held_rows) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let first: Vec<Result<LookedThrough, BagError>> = bags
-        .par_iter()
-        .map(|bag| {
-            let mut reading = looked_through(bag, options, uncut)?;
-            let rows = reading.excerpts.held();
-            let (all, most) =
-                if reading.excerpts.is_long() { (&held_rows, 2 * MOST_ROWS) } else { (&whole_rows, MOST_WHOLE_ROWS) };
-            // What finds no room is let go: processes are read again, and whole recordings refused by the sum below.
-            if all.fetch_add(rows, Ordering::Relaxed).saturating_add(rows) > most {
-                if reading.excerpts.is_long() {
-                    all.fetch_sub(rows, Ordering::Relaxed);
-                    reading.excerpts.list_only();
-                } else {
-                    reading.excerpts.restart();
-                }
+    let first: Vec<Result<LookedThrough, BagError>> = Progress::each(bags, "recordings read", |bag| {
+        let mut reading = looked_through(bag, options, uncut)?;
+        let rows = reading.excerpts.held();
+        let (all, most) =
+            if reading.excerpts.is_long() { (&held_rows, 2 * MOST_ROWS) } else { (&whole_rows, MOST_WHOLE_ROWS) };
+        // What finds no room is let go: processes are read again, and whole recordings refused by the sum below.
+        if all.fetch_add(rows, Ordering::Relaxed).saturating_add(rows) > most {
+            if reading.excerpts.is_long() {
+                all.fetch_sub(rows, Ordering::Relaxed);
+                reading.excerpts.list_only();
+            } else {
+                reading.excerpts.restart();
             }
-            progress.step();
-            Ok(reading)
-        })
-        .collect();
-    drop(progress);
+        }
+        Ok(reading)
+    });
     let rows = whole_rows.into_inner();
     if rows > MOST_WHOLE_ROWS {
         bail!(

@@ -13,7 +13,6 @@ use govtwin_lab::labels;
 use govtwin_model::parameters::Unit;
 use govtwin_model::params::{self, Overlay};
 use govtwin_model::recording::{Process, Recording};
-use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use tempfile::TempDir;
 
 use super::cases::UnitFolder;
@@ -112,8 +111,7 @@ pub fn make(
     };
     let labels: Vec<Label> = all.iter().map(|case| battery::label(unit, case)).collect();
     let plans = shard.of(all);
-    let progress = Progress::new(plans.len(), "units generated");
-    let made: anyhow::Result<()> = plans.par_iter().try_for_each(|case| {
+    let made = Progress::each(&plans, "units generated", |case| {
         let lacking = |process: Process| !bags::is_bag_folder(&bag(dir, case, process));
         if case.processes().iter().copied().any(lacking) {
             let _unit = Claim::folder(&dir.join(&case.name))?;
@@ -123,10 +121,9 @@ pub fn make(
                 }
             }
         }
-        progress.step();
-        Ok(())
+        anyhow::Ok(())
     });
-    made?;
+    made.into_iter().collect::<anyhow::Result<()>>()?;
     let known = text_if_there(&dir.join(STRENGTHS), LARGEST_BYTES)?;
     let strengths = known.and_then(|text| labels::read_strengths(&text).ok()).unwrap_or_default();
     let true_values = tempfile::tempdir().context("no temporary folder for true values")?;
@@ -231,15 +228,11 @@ impl Battery {
     pub fn answers(&self) -> anyhow::Result<Vec<Label>> {
         write_atomically(&self.dir.join(LABELS), self.text().as_bytes())?;
         let unknown: Vec<&Plan> = self.plans.iter().filter(|plan| !self.strengths.contains_key(&plan.name)).collect();
-        let progress = Progress::new(unknown.len(), "strengths measured");
-        let measure = |plan: &&Plan| {
-            let strength_ratio = battery::strength(&self.sheet, plan);
-            progress.step();
-            (plan.name.clone(), strength_ratio)
-        };
         let mut strengths = self.strengths.clone();
         // Nobody measures those of stages alone.
-        let measured = unknown.par_iter().map(measure).collect::<Vec<_>>();
+        let measured = Progress::each(unknown, "strengths measured", |plan| {
+            (plan.name.clone(), battery::strength(&self.sheet, plan))
+        });
         strengths.extend(measured.into_iter().filter(|(_, strength)| strength.is_finite()));
         if !strengths.is_empty() {
             let text = labels::write_strengths(&strengths);

@@ -7,7 +7,6 @@ use govtwin_lab::benchmark::validation;
 use govtwin_model::parameters::Unit;
 use govtwin_model::params;
 use govtwin_model::recording::Recording;
-use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use super::cases::UnitFolder;
 use crate::commands::bags::{self, TopicArgs};
@@ -21,14 +20,9 @@ pub fn fractions<T: Sync>(
     later: impl Fn(&T) -> anyhow::Result<Option<Vec<Recording>>> + Sync,
     out: &Path,
 ) -> (BTreeMap<String, f64>, Vec<String>) {
-    let progress = Progress::new(units.len(), "explained fractions examined");
-    let one = |unit: &T| {
-        let fraction = fraction(&out.join(name(unit)), || later(unit));
-        progress.step();
-        (name(unit).to_owned(), fraction)
-    };
-    let all: Vec<(String, anyhow::Result<Option<f64>>)> = units.par_iter().map(one).collect();
-    drop(progress);
+    let all = Progress::each(units, "explained fractions examined", |unit: &T| {
+        (name(unit).to_owned(), fraction(&out.join(name(unit)), || later(unit)))
+    });
     let (mut fractions, mut failed) = (BTreeMap::new(), Vec::new());
     for (name, fraction) in all {
         match fraction {

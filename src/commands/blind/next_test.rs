@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_lab::benchmark::next_test::proposed;
-use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::battery::Battery;
 use super::cases::UnitFolder;
@@ -51,13 +50,9 @@ pub fn run_all(
     threads: usize,
     out: &Path,
 ) -> Vec<String> {
-    let progress = Progress::new(cases.len(), "next tests");
-    let failed = cases.par_iter().filter_map(|case| {
-        let tried = run(case, made, judged_by, threads, out);
-        progress.step();
-        tried.err().map(|error| format!("{}: next test: {error:#}", case.name))
-    });
-    failed.collect()
+    let tried = Progress::each(cases, "next tests", |case| run(case, made, judged_by, threads, out));
+    let failed = cases.iter().zip(tried).filter_map(|(case, tried)| Some((case, tried.err()?)));
+    failed.map(|(case, error)| format!("{}: next test: {error:#}", case.name)).collect()
 }
 
 /// Runs the best test that a unit's report proposes where something is open, and diagnoses the unit with its answer beside the recordings.

@@ -21,7 +21,6 @@ use govtwin_model::params;
 use govtwin_model::provenance::Provenance;
 use govtwin_pages::page::PageBody;
 use govtwin_pages::table::Table;
-use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 use serde_json::{Value, json};
 
 use super::cases::UnitFolder;
@@ -205,10 +204,8 @@ pub fn score_all(
 /// Asks the recordings of every missed unit whether they could have told.
 fn tell(cases: &mut [ScoredUnit], units: &[UnitFolder], out: &Path) {
     let missed: Vec<&mut ScoredUnit> = cases.iter_mut().filter(|case| case.missed()).collect();
-    let progress = Progress::new(missed.len(), "missed units examined");
-    missed.into_par_iter().for_each(|case| {
+    Progress::each(missed, "missed units examined", |case| {
         case.expected_log_bayes_factor = expected_log_bayes_factor(case, units, out);
-        progress.step();
     });
 }
 

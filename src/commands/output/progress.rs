@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 
 use super::{plain, say};
 
@@ -39,6 +40,22 @@ impl Progress {
         }
         let on_terminal = io::stderr().is_terminal();
         Self { bar, noun: noun.to_owned(), on_terminal, line_due_s: AtomicU64::new(FIRST_LINE_S) }
+    }
+
+    /// Works on all items side by side, each a step; what comes of them stands in their order.
+    pub fn each<T: Send, Made: Send>(
+        items: impl IntoParallelIterator<Item = T, Iter: IndexedParallelIterator>,
+        noun: &str,
+        work: impl Fn(T) -> Made + Sync,
+    ) -> Vec<Made> {
+        let items = items.into_par_iter();
+        let progress = Self::new(items.len(), noun);
+        let done = |item| {
+            let made = work(item);
+            progress.step();
+            made
+        };
+        items.map(done).collect()
     }
 
     /// One more done.

@@ -10,7 +10,7 @@ use govtwin_model::parameters::Unit;
 use govtwin_model::replay::Replayed;
 use govtwin_model::twin::Twin;
 use govtwin_pages::replay::{Beside, Pictures, page};
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use super::ladder::After;
 use super::node_run::NodeRun;
@@ -77,18 +77,10 @@ pub fn write_all(
     (after, node_run): (Option<&After>, Option<&NodeRun>),
     args: &Args,
 ) -> anyhow::Result<()> {
-    let progress = Progress::new(bags.len(), "bags written");
-    let pairs: Vec<_> = results.iter().zip(bags).collect();
-    let written: anyhow::Result<Vec<Sealed>> = pairs
-        .into_par_iter()
-        .map(|(one, bag)| {
-            let sealed = write_bag(bag, &output.path(&bag.name), one, unit, args)?;
-            progress.step();
-            Ok(sealed)
-        })
-        .collect();
-    drop(progress);
-    output.add_bags(written?);
+    let written = Progress::each(results.par_iter().zip(bags), "bags written", |(one, bag)| {
+        write_bag(bag, &output.path(&bag.name), one, unit, args)
+    });
+    output.add_bags(written.into_iter().collect::<anyhow::Result<Vec<_>>>()?);
     let replayed: Vec<&Replayed> = results.iter().map(|one| &one.replayed).collect();
     let pictures = draw(results, summary, unit, after);
     let mut page = page(summary, &replayed, &pictures, &unit.sensors);
@@ -108,8 +100,7 @@ fn draw(results: &[Result], summary: &ReplaySummary, unit: &Unit, after: Option<
         let after = after?;
         Some(Beside::Unit { title: &after.title, replayed: after.replayed.get(at)? })
     };
-    let pairs: Vec<_> = results.iter().enumerate().collect();
-    let drawn = pairs.into_par_iter().map(|(at, one)| {
+    let drawn = results.par_iter().enumerate().map(|(at, one)| {
         let corrected = one.corrected.as_ref().map(|corrected| Beside::Residual {
             signal: corrected.signal,
             replayed: &corrected.replayed,
