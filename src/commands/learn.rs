@@ -213,16 +213,10 @@ impl Args {
         let progress = Progress::new(budget, job.noun);
         let space = &training::SPACE;
         let trials = search(space, job.kind, [initial, budget], seed, |point| {
-            let loss = if let Some(loss) = journal.known(point) {
-                loss
-            } else {
-                let with = Hyperparameters { objective: job.objective, ..training::at(point) };
-                let loss = training::loss(table, &folds, learned, &with, seed)?;
-                journal.keep(point, loss)?;
-                loss
-            };
-            progress.step();
-            Ok(loss)
+            let with = Hyperparameters { objective: job.objective, ..training::at(point) };
+            journal
+                .loss(point, || Ok(training::loss(table, &folds, learned, &with, seed)?))
+                .inspect(|_| progress.step())
         })?;
         Ok(searched(space, job, &trials))
     }

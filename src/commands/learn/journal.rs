@@ -47,15 +47,16 @@ impl EvaluationJournal {
         Ok(Self { path: path.to_owned(), key, all: serde_json::from_str(&text).unwrap_or_default() })
     }
 
-    /// The loss of a point, where it was evaluated before.
-    pub fn known(&self, point: &[f64]) -> Option<f64> {
-        self.all.get(&self.key)?.get(&words(point)).copied()
-    }
-
-    /// Keeps an evaluation.
-    pub fn keep(&mut self, point: &[f64], loss: f64) -> anyhow::Result<()> {
-        self.all.entry(self.key.clone()).or_default().insert(words(point), loss);
-        write_atomically(&self.path, serde_json::to_string(&self.all)?.as_bytes())
+    /// The loss of a point: as it was found before, or evaluated now and kept.
+    pub fn loss(&mut self, point: &[f64], evaluate: impl FnOnce() -> anyhow::Result<f64>) -> anyhow::Result<f64> {
+        let known = self.all.entry(self.key.clone()).or_default();
+        if let Some(loss) = known.get(&words(point)) {
+            return Ok(*loss);
+        }
+        let loss = evaluate()?;
+        known.insert(words(point), loss);
+        write_atomically(&self.path, serde_json::to_string(&self.all)?.as_bytes())?;
+        Ok(loss)
     }
 }
 

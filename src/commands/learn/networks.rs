@@ -54,16 +54,11 @@ pub fn compete(
         let progress = Progress::new(budget, noun);
         let (mut done, search_start) = (0, now());
         let trials = search(&SPACE, "bayesian", [initial, budget], seed, |point| {
-            let loss = if let Some(loss) = journal.known(point) {
-                loss
-            } else {
+            let evaluate = || {
                 done += 1;
-                let loss = loss(kind, table, &folds, point, seed)?;
-                journal.keep(point, loss)?;
-                loss
+                loss(kind, table, &folds, point, seed)
             };
-            progress.step();
-            Ok(loss)
+            journal.loss(point, evaluate).inspect(|_| progress.step())
         })?;
         drop(progress);
         let search_s = search_start.elapsed().as_secs_f64();

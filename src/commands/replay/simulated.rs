@@ -1,23 +1,26 @@
 //! The bag of a replay: everything that was recorded, and the simulated state beside it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 
 use anyhow::Context;
 use govtwin_bag::msg::{Header, ServoState};
 use govtwin_bag::{BagError, Health, Qos, RawMessage, Sealed, Stream, Topic, Topics, Writer, WriterOptions};
 use govtwin_files::make_folder;
-use govtwin_model::frame::Estimate;
+use govtwin_model::frame::{Estimate, Frame};
 use govtwin_model::provenance::RecordingGiven;
 use govtwin_model::replay::{Replayed, is_measured};
 
 use crate::commands::provenance;
 
 /// Topic of the simulated state.
-pub const TOPIC: &str = "/sim/servo_state";
+const TOPIC: &str = "/sim/servo_state";
+
+/// Messages that wait for the rows at their time hold at most so many bytes; beyond, they are written as they come.
+const MOST_WAITING_BYTES: usize = 1 << 24;
 
 /// How the bags of a replay are written: one replaces another of the same place, and nothing else.
-pub const OPTIONS: WriterOptions = WriterOptions { mark: Some("govtwin.replay"), keep_unfinished: false };
+const OPTIONS: WriterOptions = WriterOptions { mark: Some("govtwin.replay"), keep_unfinished: false };
 
 /// Whether the bag folder `dir` may be written: nothing is there but what a replay wrote before.
 pub fn check(dir: &Path) -> anyhow::Result<()> {
@@ -36,26 +39,98 @@ pub fn write(
     topics: &Topics,
     about: &BTreeMap<String, String>,
 ) -> anyhow::Result<Sealed> {
-    let lag_ns = lag_ns(source, topics)?;
-    let (mut writer, topic) = begin(dir, about)?;
-    let recorded = replayed.recording.frames.iter().zip(&replayed.estimates);
-    let measured = replayed.scores.are_measured();
-    let mut estimates =
-        recorded.filter(|(frame, _)| !measured || is_measured(frame)).map(|(_, estimate)| estimate).peekable();
+    let mut bag = ResultBag::begin(dir, about)?;
+    bag.lag_ns = Some(lag_ns(source, topics)?);
+    let mut on_estimate = bag.taking(replayed.scores.are_measured());
+    let rows = replayed.recording.frames.iter().zip(&replayed.estimates);
+    rows.for_each(|(frame, estimate)| on_estimate(frame, *estimate));
+    drop(on_estimate);
+    // No estimate comes any more.
+    bag.done_ns = i64::MAX;
     for message in govtwin_bag::messages(source)? {
-        let message = message?;
-        if message.topic.name == TOPIC {
-            continue;
-        }
-        while let Some(estimate) = estimates.next_if(|e| e.time_ns.saturating_add(lag_ns) < message.log_time_ns) {
-            writer.write(topic, estimate.time_ns.saturating_add(lag_ns), &state(estimate))?;
-        }
-        writer.copy(&message)?;
+        bag.take(message?)?;
     }
-    for estimate in estimates {
-        writer.write(topic, estimate.time_ns.saturating_add(lag_ns), &state(estimate))?;
+    bag.seal()
+}
+
+/// Estimates and messages on their way into a bag, each where its log time belongs.
+pub struct ResultBag {
+    writer: Writer,
+    topic: Topic<ServoState>,
+    /// How much later than its stamp a message is logged, once one told it, ns.
+    pub lag_ns: Option<i64>,
+    estimates: VecDeque<Estimate>,
+    messages: VecDeque<RawMessage>,
+    waiting_bytes: usize,
+    /// All estimates up to here have come.
+    done_ns: i64,
+}
+
+impl ResultBag {
+    /// Begins the bag folder `dir` under a temporary name.
+    pub fn begin(dir: &Path, about: &BTreeMap<String, String>) -> anyhow::Result<Self> {
+        let failed = || format!("cannot write the simulated bag {}", dir.display());
+        if let Some(parent) = dir.parent() {
+            make_folder(parent).with_context(failed)?;
+        }
+        let mut writer = Writer::create(dir, OPTIONS)?;
+        writer.describe(govtwin_bag::GOVTWIN, about.clone())?;
+        let topic = writer.topic::<ServoState>(TOPIC, Qos::SENSOR)?;
+        let (estimates, messages) = (VecDeque::new(), VecDeque::new());
+        Ok(Self { writer, topic, lag_ns: None, estimates, messages, waiting_bytes: 0, done_ns: i64::MIN })
     }
-    Ok(writer.seal()?)
+
+    /// Takes estimates as they come: those of the rows in which the real state was measured, or of all rows.
+    pub fn taking(&mut self, measured: bool) -> impl FnMut(&Frame, Estimate) {
+        move |frame, estimate| {
+            self.done_ns = estimate.time_ns;
+            if !measured || is_measured(frame) {
+                self.estimates.push_back(estimate);
+            }
+        }
+    }
+
+    /// Takes the next message. A simulated state that the bag already holds is left behind.
+    pub fn take(&mut self, message: RawMessage) -> anyhow::Result<()> {
+        if message.topic.name != TOPIC {
+            self.waiting_bytes += message.data.len();
+            self.messages.push_back(message);
+        }
+        self.write(false)
+    }
+
+    /// Writes the rest.
+    pub fn seal(mut self) -> anyhow::Result<Sealed> {
+        self.write(true)?;
+        Ok(self.writer.seal()?)
+    }
+
+    /// Writes what has its place by now; all of it at the end.
+    fn write(&mut self, all: bool) -> anyhow::Result<()> {
+        let lag_ns = self.lag_ns.unwrap_or_default();
+        let done_ns = self.done_ns.saturating_add(lag_ns);
+        let is_due = |message: &RawMessage, bytes| all || message.log_time_ns <= done_ns || bytes > MOST_WAITING_BYTES;
+        while self.messages.front().is_some_and(|message| is_due(message, self.waiting_bytes)) {
+            let Some(message) = self.messages.pop_front() else { break };
+            self.waiting_bytes -= message.data.len();
+            self.before(message.log_time_ns, lag_ns)?;
+            self.writer.copy(&message)?;
+        }
+        if all { self.before(i64::MAX, lag_ns) } else { Ok(()) }
+    }
+
+    /// Writes the estimates before a log time.
+    fn before(&mut self, log_time_ns: i64, lag_ns: i64) -> anyhow::Result<()> {
+        let is_before = |estimate: &Estimate| {
+            let logged_ns = estimate.time_ns.saturating_add(lag_ns);
+            logged_ns < log_time_ns || log_time_ns == i64::MAX
+        };
+        while self.estimates.front().is_some_and(is_before) {
+            let Some(estimate) = self.estimates.pop_front() else { break };
+            self.writer.write(self.topic, estimate.time_ns.saturating_add(lag_ns), &state(&estimate))?;
+        }
+        Ok(())
+    }
 }
 
 /// What a simulated bag says of itself: whose it is a replay of, and whether what was recorded there is synthetic, which must not get lost.
@@ -73,18 +148,6 @@ pub fn about(name: &str, health: &Health, marked: &RecordingGiven) -> BTreeMap<S
         health.about(govtwin_bag::SIMULATOR).map(|simulator| (govtwin_bag::SIMULATOR.to_owned(), simulator.to_owned())),
     );
     about
-}
-
-/// Begins a simulated bag.
-pub fn begin(dir: &Path, about: &BTreeMap<String, String>) -> anyhow::Result<(Writer, Topic<ServoState>)> {
-    let failed = || format!("cannot write the simulated bag {}", dir.display());
-    if let Some(parent) = dir.parent() {
-        make_folder(parent).with_context(failed)?;
-    }
-    let mut writer = Writer::create(dir, OPTIONS)?;
-    writer.describe(govtwin_bag::GOVTWIN, about.clone())?;
-    let topic = writer.topic::<ServoState>(TOPIC, Qos::SENSOR)?;
-    Ok((writer, topic))
 }
 
 /// How much later than its stamp the first message of the known topics that has one was logged, ns.
@@ -107,7 +170,7 @@ pub fn lag_of(message: &RawMessage, topics: &Topics) -> Option<i64> {
     Some(message.log_time_ns.saturating_sub(stamp_ns))
 }
 
-pub fn state(estimate: &Estimate) -> ServoState {
+fn state(estimate: &Estimate) -> ServoState {
     ServoState {
         header: Header { frame_id: "govtwin".into(), ..Header::at(estimate.time_ns) },
         spool_position: estimate.signals.spool_position_pu,
