@@ -7,10 +7,11 @@ use std::time::Duration;
 use ros2_client::{Client, ServiceMapping};
 
 use super::bus::Bus;
-use super::offer::Describer;
+use super::offer::{Describer, Offer};
 use super::realtime::Until;
 use super::services::CYCLONE;
 use super::transport::Participant;
+use govtwin_bag::TopicInfo;
 use govtwin_bag::msg::definition::{DefinitionError, closure_with, schema_with, text_of};
 use govtwin_bag::msg::type_hash::{hash_of, texts_of};
 use govtwin_bag::msg::upkeep::{GetTypeDescription, TypeRequest, TypeResponse};
@@ -40,6 +41,21 @@ pub(super) struct KnownDefinition {
     pub(super) hash: String,
 }
 
+impl KnownDefinition {
+    /// A topic of this type, as bags tell of it.
+    pub(super) fn topic(self, name: &str, type_name: &str, offered_qos_profiles: String) -> TopicInfo {
+        TopicInfo {
+            name: name.to_owned(),
+            type_name: type_name.to_owned(),
+            encoding: "cdr".to_owned(),
+            schema_encoding: if self.schema.is_empty() { String::new() } else { "ros2msg".to_owned() },
+            schema: self.schema.into_bytes().into(),
+            offered_qos_profiles,
+            type_hash: self.hash,
+        }
+    }
+}
+
 /// Where definitions come from, and what was found.
 pub(super) struct Definitions {
     folders: Vec<PathBuf>,
@@ -63,22 +79,17 @@ impl Definitions {
     }
 
     /// The definition of a type as it is published; `None` while somebody is still asked. `process` is that of the publisher.
-    pub(super) fn get(
-        &mut self,
-        type_name: &str,
-        hash: &str,
-        process: Option<Participant>,
-        bus: &mut Bus,
-    ) -> Option<KnownDefinition> {
-        let wanted = (type_name.to_owned(), hash.to_owned());
+    pub(super) fn get(&mut self, offer: &Offer, bus: &mut Bus) -> Option<KnownDefinition> {
+        let Offer { type_name, type_hash: hash, .. } = offer;
+        let wanted = (type_name.clone(), hash.clone());
         if let Some(known) = self.known.get(&wanted) {
             return Some(known.clone());
         }
         let found = self.carried_or_filed(&wanted).or_else(|| self.answered(&wanted));
         let found = match found {
             Some(schema) => KnownDefinition { hash: or_own(hash, type_name, &schema), schema },
-            None if self.ask(&wanted, process, bus) => return None,
-            None => KnownDefinition { schema: String::new(), hash: hash.to_owned() },
+            None if self.ask(&wanted, offer.process, bus) => return None,
+            None => KnownDefinition { schema: String::new(), hash: hash.clone() },
         };
         self.asked.remove(&wanted);
         self.known.insert(wanted, found.clone());
@@ -133,11 +144,11 @@ impl Definitions {
     }
 
     /// Asks whoever may know, as long as there is hope; whether there is.
-    fn ask(&mut self, wanted: &Wanted, process: Option<Participant>, bus: &mut Bus) -> bool {
+    fn ask(&mut self, wanted: &Wanted, process: Participant, bus: &mut Bus) -> bool {
         if !self.asked.contains_key(wanted) {
             let mut describers: Vec<Describer> = bus.describers();
             // The publisher's own process first.
-            describers.sort_by_key(|describer| Some(describer.process) != process);
+            describers.sort_by_key(|describer| describer.process != process);
             let mut seen = BTreeSet::new();
             describers.retain(|describer| seen.insert(describer.service.clone()));
             let open = |describer: Describer| {

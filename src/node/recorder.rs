@@ -280,7 +280,7 @@ impl RecordingSession<'_> {
             let type_name = tape.type_name.clone().unwrap_or_default();
             let own: Vec<&&Offer> = here.iter().filter(|offer| offer.type_name == type_name).collect();
             let Some(first) = own.first().filter(|_| tape.topic.is_none()) else { continue };
-            let known = self.definitions.get(&type_name, &first.type_hash, Some(first.process), self.bus);
+            let known = self.definitions.get(first, self.bus);
             // At the end it is recorded with what is known.
             let Some(known) = known.or_else(|| is_over.then(Default::default)) else { continue };
             if known.schema.is_empty() {
@@ -293,15 +293,7 @@ impl RecordingSession<'_> {
             }
             let mut profiles: Vec<&str> = own.iter().map(|offer| offer.profile.as_str()).collect();
             profiles.dedup();
-            tape.topic = Some(Arc::new(TopicInfo {
-                name: tape.name.clone(),
-                type_name,
-                encoding: "cdr".to_owned(),
-                schema_encoding: if known.schema.is_empty() { String::new() } else { "ros2msg".to_owned() },
-                schema: known.schema.into_bytes().into(),
-                offered_qos_profiles: profiles.join("\n"),
-                type_hash: known.hash,
-            }));
+            tape.topic = Some(Arc::new(known.topic(&tape.name, &type_name, profiles.join("\n"))));
         }
         Ok(())
     }

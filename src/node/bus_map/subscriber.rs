@@ -16,7 +16,6 @@ use crate::offer::{Offer, silence};
 use crate::qos::{best_effort, newest_latched};
 use crate::realtime::Until;
 use crate::tap::Tap;
-use govtwin_bag::TopicInfo;
 use govtwin_bag::import::{Map, MappedField, MappedTopic, topics_of};
 
 /// Publishers are looked for so far apart.
@@ -175,9 +174,7 @@ impl MapSubscriber {
     /// Subscribes to what somebody offers, where its definition is known and holds the fields.
     fn open(&mut self, index: usize, offer: &Offer, is_latched: bool, said: &mut Words) {
         let Offer { type_name, type_hash, .. } = offer;
-        let Some(known) = self.definitions.get(type_name, type_hash, Some(offer.process), &mut self.bus) else {
-            return;
-        };
+        let Some(known) = self.definitions.get(offer, &mut self.bus) else { return };
         if known.schema.is_empty() {
             return self.undescribed(index, offer, said);
         }
@@ -186,15 +183,7 @@ impl MapSubscriber {
             return;
         }
         topic.changes += 1;
-        let info = TopicInfo {
-            name: topic.name.clone(),
-            type_name: type_name.clone(),
-            encoding: "cdr".to_owned(),
-            schema_encoding: "ros2msg".to_owned(),
-            schema: known.schema.into_bytes().into(),
-            offered_qos_profiles: offer.profile.clone(),
-            type_hash: known.hash,
-        };
+        let info = known.topic(&topic.name, type_name, offer.profile.clone());
         let mapped = MappedTopic::new(&topic.given, &info, &self.fields, &self.map);
         let qos = if is_latched { newest_latched() } else { best_effort() };
         let opened = mapped.and_then(|mapped| {
