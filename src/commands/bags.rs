@@ -254,16 +254,16 @@ struct Reading {
     timed: bool,
 }
 
+/// How recordings are read for a diagnosis: command and pressure run from sample to sample, on a grid of the twin's own tick.
+pub fn options(topics: Topics, positions: Positions) -> ReadOptions {
+    let interpolation = Interpolation::Sharp { period_ns: TICK_NS };
+    ReadOptions { positions, topics, interpolation, required: vec![Stream::ServoState] }
+}
+
 fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) -> anyhow::Result<Recordings> {
     let Reading { positions, uncut, timed } = reading;
     let bags = find(paths)?;
-    let options = ReadOptions {
-        positions,
-        topics: topics.clone(),
-        interpolation: Interpolation::Sharp { period_ns: TICK_NS },
-        required: vec![Stream::ServoState],
-    };
-    let loaded = excerpts::read(&bags, &options, uncut)?;
+    let loaded = excerpts::read(&bags, &options(topics.clone(), positions), uncut)?;
     let (mut recordings, mut warnings, mut refused, mut read) = (vec![], vec![], vec![], vec![]);
     let is_own = |taken: &Taken| taken.health.files.iter().any(|file| file.from_the_twin);
     let some_measured = loaded.iter().flatten().any(|taken| !is_own(taken));

@@ -91,7 +91,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     #[cfg(feature = "deep")]
     learn::networks::one_thread_each();
     let output = Output::claim(&args.learn.out, &["compare.html", "compare.json"])?;
-    let ready = args.learn.prepare(args.cut, RateOfInputs::Hold)?;
+    let ready = args.learn.prepare(args.cut, RateOfInputs::Hold, &[])?;
     let split = seven_to_three(&ready.table);
     if split.test.is_empty() {
         bail!(
@@ -242,7 +242,7 @@ fn free_run(args: &Args, ready: &TrainingData) -> anyhow::Result<Option<FreeRunF
     if ready.table.layout.signal != Signal::SpoolPosition {
         return Ok(None);
     }
-    let ready = &args.learn.prepare(OpeningFrom::None, RateOfInputs::Linear)?;
+    let ready = &args.learn.prepare(OpeningFrom::None, RateOfInputs::Linear, &[])?;
     let progress = Progress::new(3, "steps of the residual inside the loop");
     let split = seven_to_three(&ready.table);
     let (unit, seed) = (&ready.sheet.unit, args.learn.seed);

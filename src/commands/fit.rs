@@ -275,10 +275,7 @@ fn free_parameters(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<FreeParam
         }
         seen.push(id);
         let spec = effect::known(unit, id)?;
-        let at = unit.effects.iter().position(|setting| setting.id == *id).unwrap_or_else(|| {
-            unit.effects.push(effect::neutral(spec));
-            unit.effects.len() - 1
-        });
+        let at = effect::setting_at(&mut unit.effects, spec);
         free_parameters.extend(spec.parameters.iter().enumerate().map(|(parameter, spec)| FreeParameter::Effect {
             effect: at,
             parameter,

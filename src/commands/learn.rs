@@ -138,13 +138,8 @@ impl Args {
         if self.quick { evaluations.div_ceil(10) } else { evaluations }.max(1)
     }
 
-    /// Reads, prepares and simulates the recordings, and makes the rows.
-    pub fn prepare(&self, cut: OpeningFrom, rate_of_inputs: RateOfInputs) -> anyhow::Result<TrainingData> {
-        self.prepare_without(cut, rate_of_inputs, &[])
-    }
-
-    /// The same without some processes.
-    pub fn prepare_without(
+    /// Reads, prepares and simulates the recordings but those of some processes, and makes the rows.
+    pub fn prepare(
         &self,
         cut: OpeningFrom,
         rate_of_inputs: RateOfInputs,

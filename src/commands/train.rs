@@ -113,7 +113,7 @@ struct Trained {
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let left_out: Vec<Process> = Process::ALL.into_iter().filter(|own| args.leave_out.contains(own)).collect();
     let mut output = Output::claim(&args.learn.out, &["model.residual", "train.html", "train.json"])?;
-    let ready = args.learn.prepare_without(args.cut, args.rate_of_inputs, &left_out)?;
+    let ready = args.learn.prepare(args.cut, args.rate_of_inputs, &left_out)?;
     let table = &ready.table;
     let split = seven_to_three(table);
     if split.test.is_empty() {

@@ -10,10 +10,11 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
+use govtwin_bag::Positions;
 use govtwin_diagnosis::DiagnosisSettings;
 use govtwin_diagnosis::watch::history;
 
-use super::bags::TopicArgs;
+use super::bags::{self, TopicArgs};
 use super::output::{Output, print, warn};
 use super::{provenance, report_file};
 use crate::commands::{Outcome, expect, number, sheet_of, unknown};
@@ -121,7 +122,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if args.bus.bus {
         return bus::listen(args, chronicle);
     }
-    let options = follow::options(args.topics.topics(), &chronicle.unit);
+    let options = bags::options(args.topics.topics(), Positions::of(chronicle.unit.recorded));
     let mut follower = Follower::new(&args.paths, options, args.settled);
     #[cfg(feature = "node")]
     if args.bus.publish {

@@ -18,6 +18,7 @@ use govtwin_model::provenance::FileUsed;
 const LARGEST_BYTES: u64 = 1 << 28;
 
 /// The units, and what goes beside the plan.
+#[derive(Default)]
 pub struct Units {
     /// The rows.
     pub rows: Vec<UnitRow>,
@@ -44,13 +45,7 @@ pub fn read(path: &Path, seed: u64, without: &[String]) -> anyhow::Result<Units>
         Err(error) => bail!("{shown}:\n  {error}"),
     };
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut all = Units {
-        rows: vec![],
-        how: BTreeMap::new(),
-        sheets: BTreeMap::new(),
-        maps: BTreeMap::new(),
-        beside: BTreeMap::new(),
-    };
+    let mut all = Units::default();
     let mut files: BTreeMap<String, FileUsed> = BTreeMap::new();
     let mut wrong = Vec::new();
     for row in &rows {

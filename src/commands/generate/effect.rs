@@ -35,10 +35,7 @@ fn add_one(argument: &str, unit: &mut Unit) -> anyhow::Result<()> {
         let names: Vec<&str> = spec.parameters.iter().map(|parameter| parameter.name).collect();
         bail!("too many values; the parameters of `{id}` are {}", names.join(", "));
     }
-    let at = effects.iter().position(|setting| setting.id == id).unwrap_or_else(|| {
-        effects.push(neutral(spec));
-        effects.len() - 1
-    });
+    let at = setting_at(effects, spec);
     for (k, text) in values.iter().enumerate() {
         effects[at].values[first + k] = value(text, &spec.parameters[first + k].on(&parameters))?;
     }
@@ -57,12 +54,13 @@ pub fn known(unit: &Unit, id: &str) -> anyhow::Result<&'static EffectSpec> {
     }
 }
 
-/// The effect switched on, but neutral.
-pub fn neutral(spec: &EffectSpec) -> EffectSetting {
-    EffectSetting {
-        id: spec.id.to_owned(),
-        values: spec.parameters.iter().map(|parameter| parameter.neutral).collect(),
-    }
+/// The place of an effect among settings; one that is not among them is switched on, but neutral.
+pub fn setting_at(effects: &mut Vec<EffectSetting>, spec: &EffectSpec) -> usize {
+    effects.iter().position(|setting| setting.id == spec.id).unwrap_or_else(|| {
+        let values = spec.parameters.iter().map(|parameter| parameter.neutral).collect();
+        effects.push(EffectSetting { id: spec.id.to_owned(), values });
+        effects.len() - 1
+    })
 }
 
 fn value(text: &str, parameter: &EffectParameter) -> anyhow::Result<f64> {

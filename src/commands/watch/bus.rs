@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use govtwin_bag::msg::{EsvState, FluidPressure, GovernorCommand, Interface, ServoState, UnitVerdict};
-use govtwin_bag::{BagError, RawMessage, ReadOptions, Stream, Topics};
+use govtwin_bag::{BagError, Positions, RawMessage, ReadOptions, Stream, Topics};
 use govtwin_node::arguments::Arguments;
 use govtwin_node::bus::Bus;
 use govtwin_node::environment::Environment;
@@ -19,8 +19,9 @@ use govtwin_node::translator::Translator;
 use govtwin_node::verdict::{Herald, verdict};
 
 use super::chronicle::Chronicle;
-use super::follow::{self, Follower};
+use super::follow::Follower;
 use super::{Args, look, wait};
+use crate::commands::bags;
 use crate::commands::bus_map::load;
 use crate::commands::network::environment;
 use crate::commands::output::{say, warn, warn_all};
@@ -175,7 +176,7 @@ pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
         Some(translator) => (mapped(translator, &args.bus.definitions), Topics::default()),
         None => selection(&bus, args)?,
     };
-    let options = follow::options(topics, &chronicle.unit);
+    let options = bags::options(topics, Positions::of(chronicle.unit.recorded));
     let herald = Herald::open(&mut bus, &chronicle.name)?;
     let recorder = ProcessRecorder::new(&queue, &options, Box::new(name_of_now));
     let keep = args.bus.keep.unwrap_or(KEPT);

@@ -4,15 +4,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use govtwin_bag::{
-    self, BagError, Growing, Grown, Health, Interpolation, Positions, ReadOptions, Rows, Stream, Topics, broken_off,
-    intended_place,
-};
+use govtwin_bag::{self, BagError, Growing, Grown, Health, ReadOptions, Rows, broken_off, intended_place};
 use govtwin_diagnosis::watch::cut::{CutProcess, Cutter};
 use govtwin_model::frame::Frame;
-use govtwin_model::parameters::Unit;
 use govtwin_model::provenance::RecordingGiven;
-use govtwin_model::units::TICK_NS;
 
 use crate::commands::bags::{self, is_bag_folder};
 use crate::commands::provenance;
@@ -101,16 +96,6 @@ pub fn may_come(path: &Path) -> bool {
 /// Whether `govtwin record` is writing here a bag that is not whole yet.
 fn is_unfinished(path: &Path) -> bool {
     intended_place(path).is_some()
-}
-
-/// How the recordings of a unit are read.
-pub fn options(topics: Topics, unit: &Unit) -> ReadOptions {
-    ReadOptions {
-        positions: Positions::of(unit.recorded),
-        topics,
-        interpolation: Interpolation::Sharp { period_ns: TICK_NS },
-        required: vec![Stream::ServoState],
-    }
 }
 
 impl Follower {

@@ -8,7 +8,6 @@ use govtwin_diagnosis::result::{
     Interval, LargestError, Ranked, Remainder, Setup, SignalGap, StageTest, Trace, Tried, Verdict,
 };
 use govtwin_model::effects::Stage;
-use govtwin_model::parameters::Unit;
 use govtwin_model::provenance::{Provenance, RecordingGiven};
 use govtwin_model::recording::Process;
 use govtwin_model::signal::Signal;
@@ -30,14 +29,7 @@ fn play() -> Fitted {
 }
 
 fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
-    let unit = Unit {
-        parameters: govtwin_model::parameters::Parameters::default(),
-        tolerances: vec![],
-        sensors: govtwin_model::parameters::Sensors::default(),
-        effects: vec![],
-        own_effects: vec![],
-        recorded: govtwin_model::parameters::ChannelReadings::default(),
-    };
+    let unit = govtwin_model::params::reference();
     let explained_fraction = Interval { value: 0.88, low: 0.84, high: 0.91 };
     let blame = |id: &&str| Blame {
         last_in: None,
