@@ -103,11 +103,7 @@ impl Pictures {
 #[must_use]
 pub fn worst_stretch_of(replayed: &Replayed, signal: Signal) -> Option<[f64; 2]> {
     let curves = Curves::new(replayed, None);
-    let pairs = replayed.recording.frames.iter().zip(&replayed.estimates);
-    let squares: Vec<f64> = pairs
-        .map(|(frame, estimate)| (signal.of(&estimate.signals) - signal.of(&frame.measured)).powi(2))
-        .map(|square| if square.is_finite() { square } else { 0.0 })
-        .collect();
+    let squares = curves.squares(signal);
     let whole = || Some([*curves.time_s.first()?, *curves.time_s.last()?]);
     worst_stretch(&curves.time_s, &squares, WORST_S).or_else(whole)
 }
@@ -205,15 +201,18 @@ impl<'a> Curves<'a> {
         around(begins_s)
     }
 
+    /// Squared error of a signal row by row; 0 where it was not measured.
+    fn squares(&self, signal: Signal) -> Vec<f64> {
+        let pairs = self.replayed.recording.frames.iter().zip(&self.replayed.estimates);
+        let squares = pairs.map(|(frame, twin)| (signal.of(&twin.signals) - signal.of(&frame.measured)).powi(2));
+        squares.map(|square| if square.is_finite() { square } else { 0.0 }).collect()
+    }
+
     /// The stretch of [`WORST_S`] in which the positions are farthest off, each over its error in the whole recording.
     fn worst_s(&self) -> Option<[f64; 2]> {
         let mut squares = vec![0.0; self.time_s.len()];
         for signal in Signal::POSITIONS {
-            let pairs = self.replayed.recording.frames.iter().zip(&self.replayed.estimates);
-            let off: Vec<f64> = pairs
-                .map(|(frame, estimate)| (signal.of(&estimate.signals) - signal.of(&frame.measured)).powi(2))
-                .map(|square| if square.is_finite() { square } else { 0.0 })
-                .collect();
+            let off = self.squares(signal);
             let all: f64 = off.iter().sum();
             if all > 0.0 {
                 squares.iter_mut().zip(off).for_each(|(sum, square)| *sum += square / all);
