@@ -30,7 +30,8 @@ use govtwin_model::signal::Signal;
 use govtwin_model::twin::Cut;
 use govtwin_pages::table::Table as Printed;
 
-use super::learn::{self, OpeningFrom, TrainingData, grid_ns};
+use super::choice::choice;
+use super::learn::{self, OPENINGS, TrainingData, grid_ns};
 use super::output::{Output, Progress, print, table_text};
 use crate::commands::Outcome;
 use field::{Competitors, field};
@@ -42,8 +43,8 @@ pub struct Args {
     #[command(flatten)]
     learn: learn::Args,
     /// Source of the guide-vane opening; that of Liu et al. 2025 is `servomotor`.
-    #[arg(long, value_enum, default_value_t = OpeningFrom::Servomotor)]
-    cut: OpeningFrom,
+    #[arg(long, default_value = "servomotor", value_parser = choice(OPENINGS))]
+    cut: Cut,
     /// Number of seeds, each with its own searches; the spread is shown.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100))]
     seeds: u64,
@@ -242,7 +243,7 @@ fn free_run(args: &Args, ready: &TrainingData) -> anyhow::Result<Option<FreeRunF
     if ready.table.layout.signal != Signal::SpoolPosition {
         return Ok(None);
     }
-    let ready = &args.learn.prepare(OpeningFrom::None, RateOfInputs::Linear, &[])?;
+    let ready = &args.learn.prepare(Cut::None, RateOfInputs::Linear, &[])?;
     let progress = Progress::new(3, "steps of the residual inside the loop");
     let split = seven_to_three(&ready.table);
     let (unit, seed) = (&ready.sheet.unit, args.learn.seed);
@@ -252,7 +253,6 @@ fn free_run(args: &Args, ready: &TrainingData) -> anyhow::Result<Option<FreeRunF
 }
 
 fn settings(args: &Args, ready: &TrainingData, hybrid: &Model) -> BTreeMap<&'static str, String> {
-    let cut = if args.cut == OpeningFrom::None { Cut::None } else { Cut::Servomotor };
     #[cfg(feature = "deep")]
     let networks = format!("{}, on every fourth row of the folds", args.network_budget());
     #[cfg(not(feature = "deep"))]
@@ -261,7 +261,7 @@ fn settings(args: &Args, ready: &TrainingData, hybrid: &Model) -> BTreeMap<&'sta
     BTreeMap::from([
         ("unit", ready.sheet.name.clone()),
         ("signal", hybrid.signal.clone()),
-        ("cut", cut_id(cut).to_owned()),
+        ("cut", cut_id(args.cut).to_owned()),
         ("period, s", format!("{}", govtwin_model::units::seconds_from_nanos(hybrid.period_ns))),
         ("seed", args.learn.seed.to_string()),
         ("evaluations of each search", args.learn.budget().0.to_string()),

@@ -7,7 +7,6 @@ pub mod networks;
 use std::path::PathBuf;
 
 use anyhow::bail;
-use clap::ValueEnum;
 use govtwin_bag::{ReadOptions, Stream, Topics};
 use govtwin_correction::booster::{Hyperparameters, Objective};
 use govtwin_correction::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
@@ -78,13 +77,10 @@ const CORRECTED: [Choice<Signal>; 2] = [
 ];
 
 /// Where the guide-vane opening comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum OpeningFrom {
-    /// Everything is simulated, as in the node.
-    None,
-    /// The measured servomotor position feeds the regulator, as in Liu et al. 2025.
-    Servomotor,
-}
+pub const OPENINGS: [Choice<Cut>; 2] = [
+    ("none", "Everything is simulated, as in the node", Cut::None),
+    ("servomotor", "The measured servomotor position feeds the regulator, as in Liu et al. 2025", Cut::Servomotor),
+];
 
 /// Everything that training needs.
 pub struct TrainingData {
@@ -141,16 +137,13 @@ impl Args {
     /// Reads, prepares and simulates the recordings but those of some processes, and makes the rows.
     pub fn prepare(
         &self,
-        cut: OpeningFrom,
+        cut: Cut,
         rate_of_inputs: RateOfInputs,
         left_out: &[Process],
     ) -> anyhow::Result<TrainingData> {
         let sheet = sheet_of(self.params.as_deref())?;
         let signal = self.signal;
-        let (cut, opening) = match cut {
-            OpeningFrom::None => (Cut::None, Opening::Simulated),
-            OpeningFrom::Servomotor => (Cut::Servomotor, Opening::Measured),
-        };
+        let opening = if cut == Cut::Servomotor { Opening::Measured } else { Opening::Simulated };
         if signal == Signal::ServomotorPosition && cut == Cut::Servomotor {
             bail!(
                 "--signal servomotor with --cut servomotor: the measured signal stands in for the simulated one, so nothing is left to correct; use --cut none"

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin_diagnosis::result::schema::{DiagnosisReport, SCHEMA};
-use govtwin_files::{Claim, check_regular, is_same};
+use govtwin_files::{Claim, check_regular, folder_of, is_same};
 use govtwin_model::provenance::Provenance;
 use govtwin_pages::diagnosis as page;
 
@@ -78,14 +78,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 /// Claims the place of the page before the report is read: beside the report the whole folder, since a diagnosis would replace both.
 fn claim(report: &Path, page: &Path) -> anyhow::Result<Claim> {
-    let folder = |path: &Path| match path.parent() {
-        Some(folder) if folder != Path::new("") => folder.to_owned(),
-        _ => PathBuf::from("."),
-    };
-    if !is_same(&folder(report), &folder(page)) {
+    if !is_same(folder_of(report), folder_of(page)) {
         return claim_place("--out", page);
     }
-    let claim = Claim::folder(&folder(page)).context("--out")?;
+    let claim = Claim::folder(folder_of(page)).context("--out")?;
     check_place("--out", page)?;
     Ok(claim)
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Subcommand;
-use govtwin_diagnosis::sheet::matter::{Matter, PARTS, matter};
+use govtwin_diagnosis::sheet::matter::{Help, Matter, PARTS, Shows, matter};
 use govtwin_diagnosis::sheet::recorded::{Filled, fill};
 use govtwin_diagnosis::sheet::{Derived, GivenValue, Plate, derive};
 use govtwin_files::{Place, place_of};
@@ -176,6 +176,12 @@ fn effects_text(effects: &[(&'static str, f64)]) -> String {
     words.join(", ")
 }
 
+/// The values most worth looking up, and the faults that tolerances hide.
+fn worth_telling(matter: &Matter) -> (impl Iterator<Item = &Help>, String) {
+    let helps = matter.missing.iter().filter(|help| !help.effects.is_empty()).take(MOST_ITEMS);
+    (helps, matter.hidden().map(|fault| fault.effect).collect::<Vec<_>>().join(", "))
+}
+
 /// The head of the file and the sources of its values.
 pub(super) fn whole(plate: &Plate, derived: &Derived, matter: Option<&Matter>) -> WholeSheet {
     let mut head = vec![
@@ -190,11 +196,10 @@ pub(super) fn whole(plate: &Plate, derived: &Derived, matter: Option<&Matter>) -
     head.extend(derived.assumed.iter().map(|assumed| format!("Assumed: {assumed}.")));
     if let Some(matter) = matter {
         head.push("Worth finding out, the most helpful first, with the faults that it would show sharper:".to_owned());
-        let helps = matter.missing.iter().filter(|help| !help.effects.is_empty()).take(MOST_ITEMS);
+        let (helps, hidden) = worth_telling(matter);
         head.extend(helps.map(|help| format!("  {}: {}", help.item.key, effects_text(&help.effects))));
-        let hidden: Vec<&str> = matter.hidden().map(|fault| fault.effect).collect();
         if !hidden.is_empty() {
-            head.push(format!("Hidden behind the tolerances at their typical sizes: {}.", hidden.join(", ")));
+            head.push(format!("Hidden behind the tolerances at their typical sizes: {hidden}."));
         }
     }
     let source = |key: &str| derived.sources.get(key).map(|sourced| sourced.source.clone()).unwrap_or_default();
@@ -223,15 +228,15 @@ fn summary(derived: &Derived, matter: Option<&Matter>, out: &Path) -> String {
     if let Some(matter) = matter {
         let mut table =
             Table::new().words("value to look up").words("meaning").words("faults that it shows more clearly");
-        for help in matter.missing.iter().filter(|help| !help.effects.is_empty()).take(MOST_ITEMS) {
+        let (helps, hidden) = worth_telling(matter);
+        for help in helps {
             table.row([help.item.key.to_owned(), help.item.doc.to_owned(), effects_text(&help.effects)]);
         }
         text.push_str(&format!("\n{}", table_text(&table)));
-        let hidden: Vec<&str> = matter.hidden().map(|fault| fault.effect).collect();
         if hidden.is_empty() {
             text.push_str("The tolerances hide no fault of typical size.\n");
         } else {
-            text.push_str(&format!("Faults that the tolerances hide at their typical sizes: {}.\n", hidden.join(", ")));
+            text.push_str(&format!("Faults that the tolerances hide at their typical sizes: {hidden}.\n"));
         }
     }
     text.push_str(&format!("Sheet: {}\n", out.display()));
@@ -251,14 +256,14 @@ fn figures(plate: &Plate, derived: &Derived, matter: Option<&Matter>) -> serde_j
         })
     });
     let missing = |matter: &Matter| {
-        let help = |help: &govtwin_diagnosis::sheet::matter::Help| {
+        let help = |help: &Help| {
             let effects = help.effects.iter().map(|(id, ratio)| json!({"effect": id, "sharper": ratio}));
             json!({"item": help.item.key, "gain": help.gain, "effects": effects.collect::<Vec<_>>()})
         };
         matter.missing.iter().map(help).collect::<Vec<_>>()
     };
     let faults = |matter: &Matter| {
-        let fault = |fault: &govtwin_diagnosis::sheet::matter::Shows| json!({"effect": fault.effect, "deviations": fault.with_sheet_ratio, "deviations_at_best": fault.at_best_ratio});
+        let fault = |fault: &Shows| json!({"effect": fault.effect, "deviations": fault.with_sheet_ratio, "deviations_at_best": fault.at_best_ratio});
         matter.faults.iter().map(fault).collect::<Vec<_>>()
     };
     json!({

@@ -13,10 +13,11 @@ use govtwin_lab::comparison::page::{Training, models_table, training_page};
 use govtwin_lab::comparison::summary::{Covered, ModelFigures, Searched, covered};
 use govtwin_lab::comparison::{Contender, ModelStanding};
 use govtwin_model::recording::Process;
+use govtwin_model::twin::Cut;
 use serde::Serialize;
 
 use super::choice::{Choice, PROCESSES, RATES_OF_INPUTS, choice};
-use super::learn::{self, OpeningFrom, SearchJob};
+use super::learn::{self, OPENINGS, SearchJob};
 use super::output::{Output, print, table_text};
 use crate::commands::Outcome;
 
@@ -32,8 +33,8 @@ pub struct Args {
     #[command(flatten)]
     learn: learn::Args,
     /// Source of the guide-vane opening; the model can be used only with the same source.
-    #[arg(long, value_enum, default_value_t = OpeningFrom::None)]
-    cut: OpeningFrom,
+    #[arg(long, default_value = "none", value_parser = choice(OPENINGS))]
+    cut: Cut,
     /// Inputs of the twin between two recorded rows; the model can be used only with the same option.
     ///
     /// A live node holds its last inputs. If its commands arrive much faster than the rows here, train with `linear`.

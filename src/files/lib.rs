@@ -51,7 +51,8 @@ pub fn is_same(one: &Path, other: &Path) -> bool {
 }
 
 /// The folder that a path lies in.
-fn folder_of(path: &Path) -> &Path {
+#[must_use]
+pub fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
