@@ -1,6 +1,7 @@
 //! Time as files write it: ISO 8601, patterns, epochs, Excel serials, seconds from a start; local times by their zone.
 
 mod detect;
+mod words;
 
 use jiff::civil::{Date, DateTime, Time};
 use jiff::fmt::strtime::BrokenDownTime;
@@ -11,7 +12,7 @@ use super::map::TimeMap;
 use super::number::{Numbers, decimal, decimal_ns};
 use govtwin_model::params::nearest;
 
-pub(super) use detect::detect;
+pub(super) use detect::{are_times, detect};
 
 /// A second, ns.
 const SECOND_NS: i128 = 1_000_000_000;
@@ -25,6 +26,8 @@ const EXCEL_DAYS: i64 = 25_569;
 const MATLAB_DAYS: i64 = 719_529;
 /// A time of day that falls back by more than this has passed midnight, ns.
 const MIDNIGHT_NS: i64 = 43_200_000_000_000;
+/// An hour, ns.
+const HOUR_NS: i64 = 3_600_000_000_000;
 
 /// What counters of 16 and 32 bits count before they begin anew.
 const COUNTS: [i64; 2] = [1 << 16, 1 << 32];
@@ -138,7 +141,7 @@ pub struct TimeReader {
     start_ns: i64,
     day: Option<Date>,
     newest_ns: Option<i64>,
-    /// Days that a time without a date has passed.
+    /// Days that a time without a date has passed, or hours that one without an hour has.
     midnights: i64,
     last_of_day_ns: i64,
     /// The newest count of a relative time, ns, and what the counter has lost by beginning anew, ns.
@@ -287,6 +290,10 @@ impl TimeReader {
         if let Ok(timestamp) = text.parse::<Timestamp>() {
             return ns(timestamp);
         }
+        if let Some((local, offset)) = words::with_zone(text) {
+            let local = local.parse::<DateTime>().map_err(|_| wanted())?;
+            return ns(offset.to_timestamp(local).map_err(short)?);
+        }
         self.at(text.parse::<DateTime>().map_err(|_| wanted())?)
     }
 
@@ -294,6 +301,8 @@ impl TimeReader {
         let Format::Pattern(pattern) = &self.format else { return Err("no pattern".into()) };
         let comma = !pattern.contains(',') && text.contains(',');
         let plain = if comma { text.replace(',', ".") } else { text.to_owned() };
+        let in_words = pattern.contains("%b") || pattern.contains("%p");
+        let plain = if in_words { words::english(&plain) } else { plain };
         let parts = BrokenDownTime::parse(pattern, &plain)
             .map_err(|_| format!("expected a time as `{pattern}`, found `{text}`"))?;
         if parts.offset().is_some() || parts.iana_time_zone().is_some() {
@@ -303,6 +312,9 @@ impl TimeReader {
             return self.at(local);
         }
         let date = parts.to_date().ok();
+        if parts.hour().is_none() && parts.minute().is_some() && date.is_none() {
+            return Ok(self.of_hour(&parts));
+        }
         let time = parts.to_time().unwrap_or(Time::midnight());
         if let Some(date) = date {
             return self.at(date.to_datetime(time));
@@ -315,6 +327,17 @@ impl TimeReader {
         let day = self.day.unwrap_or(Date::constant(1970, 1, 1));
         let day = (0..self.midnights).try_fold(day, |day, _| day.tomorrow()).map_err(short)?;
         self.at(day.to_datetime(time))
+    }
+
+    /// Minutes and seconds, which begin anew with each hour, from the start.
+    fn of_hour(&mut self, parts: &BrokenDownTime) -> i64 {
+        let second = i64::from(parts.minute().unwrap_or(0)) * 60 + i64::from(parts.second().unwrap_or(0));
+        let of_hour_ns = second * 1_000_000_000 + i64::from(parts.subsec_nanosecond().unwrap_or(0));
+        if self.last_of_day_ns - of_hour_ns > HOUR_NS / 2 {
+            self.midnights += 1;
+        }
+        self.last_of_day_ns = of_hour_ns;
+        of_hour_ns + self.midnights * HOUR_NS + self.start_ns
     }
 
     /// Local time in the zone; where the end of summer time makes it ambiguous, the moment that goes on from the last one.
