@@ -28,6 +28,26 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
             ("leitapparat", 1.0),
             ("gate", 1.0),
             ("opening", 1.0),
+            ("referenc", 2.0),
+            ("referanse", 3.5),
+            ("riferimento", 3.0),
+            ("settpunkt", 4.0),
+            ("borvarde", 4.0),
+            ("padrag", 1.0),
+            ("ledeapparat", 1.0),
+            ("ledskenor", 1.0),
+            ("distribuidor", 1.0),
+            ("导叶", 1.0),
+            ("给定", 4.0),
+            ("指令", 4.0),
+            ("设定", 4.0),
+            ("задан", 4.0),
+            ("уставк", 4.0),
+            ("开度", 1.0),
+            ("開度", 1.0),
+            ("abertura", 1.0),
+            ("apertura", 1.0),
+            ("ouverture", 1.0),
         ],
     ),
     (
@@ -49,6 +69,22 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
             ("arret", 3.0),
             ("disparo", 4.0),
             ("stop", 2.0),
+            ("declench", 4.0),
+            ("scatto", 4.0),
+            ("ausgelost", 3.0),
+            ("sikkerhetsventil", 5.0),
+            ("parada", 3.0),
+            ("nodstopp", 5.0),
+            ("hurtigstopp", 5.0),
+            ("snabbstopp", 5.0),
+            ("emergenz", 4.0),
+            ("紧急", 5.0),
+            ("急停", 5.0),
+            ("事故", 4.0),
+            ("停机", 3.0),
+            ("非常停止", 5.0),
+            ("аварий", 4.0),
+            ("останов", 3.0),
         ],
     ),
     (
@@ -68,6 +104,21 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
             ("oil", 1.0),
             ("oilp", 2.0),
             ("p", 1.0),
+            ("accumul", 4.0),
+            ("acumulador", 4.0),
+            ("akkumul", 4.0),
+            ("ackumul", 4.0),
+            ("trykktank", 3.0),
+            ("trykk", 2.0),
+            ("oljetrykk", 3.0),
+            ("tryck", 2.0),
+            ("oljetryck", 3.0),
+            ("油压", 3.0),
+            ("油圧", 3.0),
+            ("压油罐", 4.0),
+            ("压力", 2.0),
+            ("давлен", 2.0),
+            ("мну", 4.0),
         ],
     ),
     (
@@ -88,6 +139,20 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
             ("lvdt", 2.0),
             ("slide", 2.0),
             ("schieber", 3.0),
+            ("valvula_distribuidora", 7.0),
+            ("distribution_valve", 5.0),
+            ("corredera", 4.0),
+            ("carretel", 4.0),
+            ("cassetto", 4.0),
+            ("hovedventil", 4.0),
+            ("hovedsleide", 5.0),
+            ("sleide", 3.0),
+            ("huvudslid", 5.0),
+            ("slid", 3.0),
+            ("主配", 5.0),
+            ("配圧弁", 5.0),
+            ("配压阀", 4.0),
+            ("золотник", 5.0),
         ],
     ),
     (
@@ -118,6 +183,30 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
             ("position", 1.0),
             ("pos", 1.0),
             ("y", 1.0),
+            ("ledeapparat", 4.0),
+            ("ledskenor", 4.0),
+            ("ledskena", 4.0),
+            ("distribuidor", 4.0),
+            ("distributor_position", 2.0),
+            ("palheta", 3.0),
+            ("servomoteur", 5.0),
+            ("arvarde", 2.5),
+            ("stilling", 1.0),
+            ("posisjon", 1.0),
+            ("posic", 1.0),
+            ("posiz", 1.0),
+            ("abertura", 2.0),
+            ("apertura", 2.0),
+            ("ouverture", 2.0),
+            ("mesure", 1.0),
+            ("反馈", 3.0),
+            ("导叶", 3.0),
+            ("接力器", 5.0),
+            ("ガイドベーン", 4.0),
+            ("开度", 2.0),
+            ("開度", 2.0),
+            ("открыт", 2.0),
+            ("сервомотор", 5.0),
         ],
     ),
     (
@@ -132,6 +221,8 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
             ("pv", 2.0),
             ("coil", 2.0),
             ("valve_current", 3.0),
+            ("先导", 4.0),
+            ("比例阀", 4.0),
         ],
     ),
     (
@@ -148,7 +239,7 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
 ];
 
 /// Words of quantities that are none of the signals.
-const OTHERS: [&str; 26] = [
+const OTHERS: [&str; 34] = [
     "speed",
     "drehzahl",
     "vitesse",
@@ -175,10 +266,19 @@ const OTHERS: [&str; 26] = [
     "mw",
     "velocity",
     "effort",
+    "runner",
+    "laufrad",
+    "laufschaufel",
+    "limit",
+    "转速",
+    "频率",
+    "转轮",
+    "桨叶",
 ];
 
 /// Words of a quantity that has another source than the one that a position has: they speak against all positions.
-const PRESSURES: [&str; 5] = ["pressure", "druck", "pression", "presion", "press"];
+const PRESSURES: [&str; 10] =
+    ["pressure", "druck", "pression", "presion", "press", "trykk", "tryck", "давлен", "压力", "油压"];
 
 /// Words of pressures that are not the tank's, where nothing else says that they are.
 const NOT_OF_TANK: [&str; 9] =
@@ -253,7 +353,7 @@ pub(super) fn unit(name: &str) -> &'static str {
 pub(super) fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
-    for letter in name.replace('ß', "ss").chars() {
+    for letter in name.replace('ß', "ss").chars().map(without_accent) {
         let parts =
             (before.is_lowercase() && letter.is_uppercase()) || (before.is_ascii_digit() != letter.is_ascii_digit());
         if !letter.is_alphanumeric() || parts {
@@ -268,6 +368,20 @@ pub(super) fn words(name: &str) -> Vec<String> {
     }
     words.retain(|word| !word.is_empty());
     words
+}
+
+/// A Latin letter without its accent, as other spellings of a word have it.
+fn without_accent(letter: char) -> char {
+    match letter {
+        'à'..='å' | 'À'..='Å' => 'a',
+        'ç' | 'Ç' => 'c',
+        'è'..='ë' | 'È'..='Ë' => 'e',
+        'ì'..='ï' | 'Ì'..='Ï' => 'i',
+        'ñ' | 'Ñ' => 'n',
+        'ò'..='ö' | 'ø' | 'Ò'..='Ö' | 'Ø' => 'o',
+        'ù'..='ü' | 'Ù'..='Ü' => 'u',
+        other => other,
+    }
 }
 
 #[cfg(test)]
@@ -323,6 +437,25 @@ mod tests {
             ("Notschluss", Target::Esv),
             ("/governor/esv.state", Target::Esv),
             ("Pilot valve position", Target::PilotValvePosition),
+            ("Consigne ouverture", Target::OpeningCommand),
+            ("Ledeapparat referanse", Target::OpeningCommand),
+            ("Riferimento apertura", Target::OpeningCommand),
+            ("导叶开度给定", Target::OpeningCommand),
+            ("导叶开度反馈", Target::ServomotorPosition),
+            ("接力器行程", Target::ServomotorPosition),
+            ("Ledeapparat posisjon", Target::ServomotorPosition),
+            ("Abertura distribuidor", Target::ServomotorPosition),
+            ("Válvula distribuidora", Target::SpoolPosition),
+            ("主配压阀位移", Target::SpoolPosition),
+            ("Hovedventil", Target::SpoolPosition),
+            ("Oljetrykk", Target::TankPressure),
+            ("压油罐油压", Target::TankPressure),
+            ("Presión aceite", Target::TankPressure),
+            ("Déclenchement", Target::Esv),
+            ("Arrêt urgence", Target::Esv),
+            ("紧急停机", Target::Esv),
+            ("Parada de emergência", Target::Esv),
+            ("SS ausgelöst", Target::Esv),
         ] {
             assert_eq!(best(name), Some(target), "{name}: {:?}", Target::ALL.map(|target| score(name, target)));
         }
@@ -335,6 +468,8 @@ mod tests {
             "u",
             "status word",
             "/joint_states.velocity[servomotor]",
+            "Runner blade",
+            "转速",
         ] {
             assert_eq!(best(name), None, "{name}: {:?}", Target::ALL.map(|target| score(name, target)));
         }
