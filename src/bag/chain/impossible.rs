@@ -52,17 +52,7 @@ impl Impossible {
                  nothing but noise of {:.2} % is between the two; one of the two channels is wired to the other",
                 apart_pu * 100.0
             ),
-            Self::LateCopy { of_position, lag_s, equal, changes } => {
-                let (copy, other) = if of_position {
-                    ("the command", "the servomotor position")
-                } else {
-                    ("the servomotor position", "the command")
-                };
-                format!(
-                    "{copy} is {other} of {lag_s:.2} s before: {equal} of {changes} changed values are the same to the last bit; one of the two \
-                     channels is wired to the other"
-                )
-            }
+            Self::LateCopy { of_position, lag_s, equal, changes } => late_copy(of_position, lag_s, equal, changes),
             Self::Jumps { by_pu, step_s, time_ns, count } => format!(
                 "the servomotor position jumps by {} within {step_s:.3} s and stays there (at {time_ns} ns, {count} times in all), and nothing that oil \
                  moves does: values were held or put in the place of others",
@@ -150,4 +140,13 @@ impl Impossible {
             ),
         }
     }
+}
+
+fn late_copy(of_position: bool, lag_s: f64, equal: u64, changes: u64) -> String {
+    let names = ["the servomotor position", "the command"];
+    let [copy, other] = if of_position { [names[1], names[0]] } else { names };
+    format!(
+        "{copy} is {other} of {lag_s:.2} s before: {equal} of {changes} changed values are the same to the last bit; one of the two channels is \
+         wired to the other"
+    )
 }

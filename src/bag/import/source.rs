@@ -5,6 +5,7 @@ mod fraction;
 pub(super) mod head;
 mod machine;
 mod order;
+mod pairs;
 pub(super) mod quality;
 pub(super) mod records;
 pub(super) mod table;

@@ -6,6 +6,7 @@ mod names;
 mod propose;
 mod rank;
 mod relations;
+mod signal_words;
 mod tall;
 mod trio;
 mod trip;
