@@ -5,7 +5,9 @@
 //! of a machine, whatever its faults: a channel is wired to another, is stuck or held, is scaled or turned, is of another machine, or the time is
 //! not that of the plant. The limits lie far outside of what faults of servo systems do.
 
+mod copies;
 mod impossible;
+mod jumps;
 mod onsets;
 mod rests;
 mod stay;
@@ -16,7 +18,9 @@ use govtwin_model::frame::{EsvState, Frame};
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
+use copies::CopyWatch;
 pub(crate) use impossible::Impossible;
+use jumps::JumpWatch;
 use onsets::OnsetWatch;
 use rests::RestWatch;
 use trips::TripWatch;
@@ -96,6 +100,9 @@ pub(crate) struct ChainEvidence {
     rests: RestWatch,
     onsets: OnsetWatch,
     held: [HeldWatch; 2],
+    /// The position as the command of before, and the command as the position of before.
+    copies: [CopyWatch; 2],
+    jumps: JumpWatch,
     relation: Relation,
     fast: (u32, f64),
     fastest: Option<Impossible>,
@@ -134,6 +141,10 @@ impl ChainEvidence {
         self.command_ends = wider(self.command_ends, command);
         self.speed(frame, servo, spool);
         self.copied(time_ns, command, servo, normal);
+        let [of_command, of_servo] = &mut self.copies;
+        of_command.take(time_ns, servo, command);
+        of_servo.take(time_ns, command, servo);
+        self.jumps.take(time_ns, servo);
         self.trips.take(time_ns, command - servo, servo, spool, normal);
         self.rests.take(time_ns, command, servo, normal);
         self.onsets.take(time_ns, command, spool, normal);
@@ -223,7 +234,11 @@ impl ChainEvidence {
             found.push(Impossible::Copy { apart_pu, moving, equal, all });
             return found;
         }
-        found.extend(self.fastest);
+        if let Some(late) = self.copies[0].found(false).or(self.copies[1].found(true)).filter(|_| moves) {
+            found.push(late);
+            return found;
+        }
+        found.extend(self.fastest.or(self.jumps.found()));
         found.extend(self.trips.found());
         found.extend(self.onsets.found());
         let is_away = self.away > AWAY_PU && self.away > AWAY_RATIO * self.towards;

@@ -294,6 +294,7 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
             | Impossible::TooShort { .. }
             | Impossible::Held { .. }
             | Impossible::Leads { .. }
+            | Impossible::Jumps { .. }
             | Impossible::Precedes { .. } => Severity::Warning,
             _ => Severity::Disqualified,
         };

@@ -115,6 +115,7 @@ fn look(name: String, path: &Path, options: &ReadOptions) -> Result<BagEntry, Ba
     let related = survey.topics.iter().any(|topic| topic.type_name.starts_with("governor_msgs/"));
     let mut recording = None;
     let mut no_recording = None;
+    let mut in_doubt = None;
     match overview {
         Ok(Overview { process, rows, duration_s, health }) => {
             survey.warnings = health.warnings;
@@ -128,10 +129,19 @@ fn look(name: String, path: &Path, options: &ReadOptions) -> Result<BagEntry, Ba
             });
         }
         Err(BagError::Missing { missing, .. }) if related => no_recording = Some(missing.join("; ")),
-        Err(error) if related => no_recording = Some(error.to_string()),
+        Err(error) if related => {
+            no_recording = Some(error.to_string());
+            // All streams are there, and what they hold is no recording of one time.
+            in_doubt = match error {
+                BagError::Clocks { problem, .. } => Some(problem),
+                BagError::TwoClocks { .. } | BagError::TooManyRows { .. } => no_recording.clone(),
+                _ => None,
+            };
+        }
         Err(_) => {}
     }
     let mut said: Vec<String> = survey.warnings.iter().map(Warning::to_string).collect();
+    said.extend(in_doubt);
     said.extend(topics_in_doubt(&survey));
     let notes_in_words = survey.notes.iter().map(ToString::to_string).collect();
     Ok(BagEntry {

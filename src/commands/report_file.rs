@@ -63,11 +63,55 @@ pub fn check(report: &Value) -> anyhow::Result<()> {
     if matches!(verdict, "named" | "class") && faults == 0 {
         bail!("effects: expected the faults of the verdict `{verdict}`, found none");
     }
-    if matches!(verdict, "no_gap" | "not_excited" | "no_such_unit") && faults > 0 {
+    if matches!(verdict, "no_gap" | "not_excited" | "no_such_unit" | "unknown") && faults > 0 {
         bail!("effects: expected none with the verdict `{verdict}`, found {faults}");
     }
     effects(report)?;
+    agreeing(report)?;
     sound("", report)
+}
+
+/// Figures that one report states in two places are the same, and each cause stands in it once.
+fn agreeing(report: &Value) -> anyhow::Result<()> {
+    for key in ["effects", "ranking"] {
+        let ids: Vec<&str> = ids(&report[key]).collect();
+        if let Some((row, id)) = ids.iter().enumerate().find(|(row, id)| ids[..*row].contains(id)) {
+            bail!("{key}[{row}].id: expected each cause once, found `{id}` again");
+        }
+    }
+    let stages = &report["location"]["probability"];
+    let sum: f64 = stages.as_object().into_iter().flatten().filter_map(|(_, share)| share.as_f64()).sum();
+    if sum > 1.0 + SAME {
+        bail!("location.probability: expected shares of all stages that sum up to 1 at most, found {sum}");
+    }
+    let (remainder, explained) = (&report["remainder"], &report["remainder"]["explained"]["value"]);
+    if report["verdict"] != "named" || remainder.is_null() {
+        return Ok(());
+    }
+    let [beside, named] = [&remainder["beside"], &report["effects"]].map(|list| {
+        let mut all: Vec<String> = ids(list).map(str::to_owned).collect();
+        all.sort();
+        all
+    });
+    if beside != named {
+        bail!(
+            "remainder.beside: expected the effects of the report ({}), found {}",
+            named.join(", "),
+            beside.join(", ")
+        );
+    }
+    let closure = &report["gap"]["closure"]["value"];
+    match (explained.as_f64(), closure.as_f64()) {
+        (Some(here), Some(there)) if (here - there).abs() > SAME => {
+            bail!("remainder.explained: expected {there} as in `gap.closure`, found {here}")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The ids of a list, of texts or of objects that have one.
+fn ids(list: &Value) -> impl Iterator<Item = &str> {
+    list.as_array().into_iter().flatten().filter_map(|one| one.as_str().or(one["id"].as_str()))
 }
 
 /// Every effect is one of the catalogue, with parameters of its own, and the probability that the ranking gives it.
@@ -122,7 +166,7 @@ fn sound(place: &str, value: &Value) -> anyhow::Result<()> {
                     ("probability", Value::Object(all)) => {
                         all.iter().try_for_each(|(id, share)| probability(&format!("{place}.{id}"), share))
                     }
-                    ("probability", share) => probability(&place, share),
+                    ("probability" | "likeness", share) => probability(&place, share),
                     ("ci90", Value::Array(ends)) => match ends.iter().filter_map(Value::as_f64).collect::<Vec<_>>()[..]
                     {
                         [low, high] if low > high => {
@@ -201,6 +245,28 @@ mod tests {
                 json!({"verdict": "named", "effects": [{"id": "backlash", "parameters": [{"name": "play_pu", "value": 9e99, "ci90": [0.1, 0.2]}]}]}),
                 "effects[0].parameters[0]: expected a value in its interval [0.1, 0.2], found 9e+99",
             ),
+            (
+                json!({"verdict": "unknown", "effects": [{"id": "backlash"}]}),
+                "effects: expected none with the verdict `unknown`, found 1",
+            ),
+            (
+                json!({"effects": [{"id": "backlash"}, {"id": "backlash"}]}),
+                "effects[1].id: expected each cause once, found `backlash` again",
+            ),
+            (
+                json!({"location": {"probability": {"esv": 0.9, "servomotor": 0.9}}}),
+                "location.probability: expected shares of all stages that sum up to 1 at most, found 1.8",
+            ),
+            (
+                json!({"verdict": "named", "effects": [{"id": "backlash"}], "remainder": {"beside": ["pilot_filter"]}}),
+                "remainder.beside: expected the effects of the report (backlash), found pilot_filter",
+            ),
+            (
+                json!({"verdict": "named", "effects": [{"id": "backlash"}], "gap": {"closure": {"value": 0.0}},
+                       "remainder": {"beside": ["backlash"], "explained": {"value": 0.9}}}),
+                "remainder.explained: expected 0 as in `gap.closure`, found 0.9",
+            ),
+            (json!({"evidence": {"alike": [{"likeness": 7}]}}), "evidence.alike[0].likeness: expected 0 to 1, found 7"),
             (
                 json!({"gap": {"closure": {"ci90": [0.9, 0.1]}}}),
                 "gap.closure.ci90: expected an interval from low to high, found [0.9, 0.1]",

@@ -30,6 +30,14 @@ pub(super) fn qualities(cases: &mut Cases) {
         ("servo_invalid", "false", "true", Rest),
         ("Questionable", "False", "True", Rest),
         ("PctGood", "100", "0", Rest),
+        ("servo qualité", "bon", "mauvais", Rest),
+        ("servo 质量", "好", "坏", Rest),
+        ("servo_ok", "1", "0", Rest),
+        ("servo IsGood", "True", "False", Rest),
+        ("servo Confidence", "100", "0", Rest),
+        ("servo annotation", "", "Bad Input", Rest),
+        ("servo interpolated", "0", "1", Rest),
+        ("servo status", "0", "-2146828288", Rest),
         ("servo status", "0", "248", Asked("quality:")),
         ("servo status", "1", "0", Asked("quality:")),
         ("servo fault", "0", "1", Asked("quality:")),
@@ -95,6 +103,22 @@ pub(super) fn formats(cases: &mut Cases) {
     let cfg = "PLANT,GOV,1999\n1,1A,0D\n1,Y,,,%,0.01,0,0,-32767,32767,1,1,P\n50\n";
     cases.add(KIND, "COMTRADE", cfg.to_owned(), Refused("COMTRADE"));
     cases.add(KIND, "COMTRADE in one file", format!("--- file type: CFG ---\n{cfg}"), Refused("COMTRADE"));
+    let line = |row: &Truth| {
+        format!(
+            "gov,unit=U3 cmd={},servo={} 1790102300{:09}\n",
+            row.values[0],
+            row.values[1],
+            (row.time_s * 1e9) as u64
+        )
+    };
+    cases.add(KIND, "InfluxDB, line protocol", rejection().iter().map(line).collect(), Refused("line protocol"));
+    cases.add(KIND, "JSON", "{\"t\":0,\"cmd\":1}\n{\"t\":1,\"cmd\":1}\n".to_owned(), Refused("JSON"));
+    cases.add(
+        KIND,
+        "a page",
+        "<html><table><tr><td>1</td></tr></table></html>".to_owned(),
+        Refused("save the sheet as CSV"),
+    );
     cases.add(KIND, "MDF", "MDF     4.10    x".to_owned(), Refused("MDF"));
 }
 
@@ -106,7 +130,7 @@ pub(super) fn impossible(cases: &mut Cases) {
     let rows = rejection();
     let count = rows.len();
     type Changed<'a> = (&'a str, &'a dyn Fn(usize) -> ([f64; 4], u8), &'static str);
-    let changes: [Changed<'_>; 9] = [
+    let changes: [Changed<'_>; 12] = [
         (
             "the position is the command",
             &|k| ([rows[k].values[0], rows[k].values[0], rows[k].values[2], rows[k].values[3]], 0),
@@ -116,6 +140,31 @@ pub(super) fn impossible(cases: &mut Cases) {
             "the command is the position",
             &|k| ([rows[k].values[1], rows[k].values[1], rows[k].values[2], rows[k].values[3]], 0),
             "is the command",
+        ),
+        (
+            "the position is the command of before",
+            &|k| ([rows[k].values[0], rows[k.saturating_sub(2)].values[0], rows[k].values[2], rows[k].values[3]], 0),
+            "is the command of 0.08 s before",
+        ),
+        (
+            "the command is the position of before",
+            &|k| ([rows[k.saturating_sub(2)].values[1], rows[k].values[1], rows[k].values[2], rows[k].values[3]], 0),
+            "is the servomotor position of 0.08 s before",
+        ),
+        (
+            "another value stands for some",
+            &|k| {
+                (
+                    [
+                        rows[k].values[0],
+                        if (700..730).contains(&k) { 55.5 } else { rows[k].values[1] },
+                        rows[k].values[2],
+                        rows[k].values[3],
+                    ],
+                    0,
+                )
+            },
+            "jumps by",
         ),
         ("time runs backwards", &|k| (rows[count - 1 - k].values, 0), "against"),
         (

@@ -174,6 +174,9 @@ fn what_a_trip_column_means_its_servomotor_shows() {
         ("ESV_ENERGISED", "1", "0"),
         ("TRIP", "0", "1"),
         ("Notschluss", "0", "1"),
+        ("SS ausgelöst", "0", "1"),
+        ("Déclenchement", "0", "1"),
+        ("紧急停机", "正常", "动作"),
         ("ESV", "NORMAL", "SHUTDOWN"),
         ("ESV state", "RUN", "STOP"),
     ] {
@@ -195,6 +198,39 @@ fn what_a_trip_column_means_its_servomotor_shows() {
             }
         }
     }
+}
+
+#[test]
+fn a_trip_that_no_name_states_is_asked_and_a_pulse_of_one_stays() {
+    let shutdown = recording("practice/case_03/shutdown.mcap", 4);
+    let first = shutdown.iter().position(|row| !row.normal).unwrap();
+    let proposed = |header: &str, cells: &dyn Fn(usize, &Truth) -> String| {
+        let mut text = format!("{HEADER},{header}\n").replace("Timestamp", "t [s]");
+        for (k, row) in shutdown.iter().enumerate() {
+            let values: Vec<String> = row.values.iter().map(f64::to_string).collect();
+            let _ = writeln!(text, "{:.2},{},{}", row.time_s, values.join(","), cells(k, row));
+        }
+        by_proposal(&text).unwrap()
+    };
+    let right = |rows: &[ImportedRow]| {
+        let mut state = f64::NAN;
+        rows.iter().zip(&shutdown).all(|(row, truth)| {
+            state = row.value(Target::Esv).unwrap_or(state);
+            (state == 1.0) == truth.normal
+        })
+    };
+    for (name, normal, trip) in [("Status word", "561", "565"), ("ZSW", "0x231", "0x235"), ("Breaker K7", "0", "1")] {
+        let (.., proposal) = proposed(name, &|_, row| if row.normal { normal } else { trip }.to_owned());
+        let open = proposal.open.join("\n");
+        assert!(open.contains(&format!("`{name}` changes its state")), "{name}: {open}");
+    }
+    let (rows, _, proposal) = proposed("TRIP", &|k, _| u8::from((first..first + 12).contains(&k)).to_string());
+    assert!(right(&rows) && proposal.open.iter().any(|open| open.contains("latch: true")), "{:?}", proposal.open);
+    let (rows, ..) = proposed("TRIP_A,TRIP_B", &|_, row| format!("0,{}", u8::from(!row.normal)));
+    assert!(right(&rows), "the one of two that trips");
+    let (rows, ..) =
+        proposed("Trip test,ESV", &|k, row| format!("{},{}", u8::from((50..75).contains(&k)), u8::from(row.normal)));
+    assert!(right(&rows), "the one of two that is no test");
 }
 
 #[test]

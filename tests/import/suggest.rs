@@ -202,7 +202,7 @@ fn a_file_without_names_and_times_is_told_by_its_courses() {
 
 #[test]
 fn a_command_is_known_by_what_follows_it() {
-    for (head, names) in [("t,指令,行程\n", ["指令", "行程"]), ("t,b,a\n", ["b", "a"])] {
+    for (head, names) in [("t,β,α\n", ["β", "α"]), ("t,b,a\n", ["b", "a"])] {
         let text = position_loop(3000).iter().enumerate().fold(head.to_owned(), |text, (k, [command, position])| {
             text + &format!("{},{command},{position}\n", k as f64 * 0.01)
         });

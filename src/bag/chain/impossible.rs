@@ -9,6 +9,10 @@ pub(crate) enum Impossible {
     /// Position and command are the same: root mean square apart in so many samples while the command moved, pu, and how many of all are equal to the
     /// last bit.
     Copy { apart_pu: f64, moving: u64, equal: u64, all: u64 },
+    /// The position is the command of so long before, s, or the command the position: so many of its changes are equal to the last bit.
+    LateCopy { of_position: bool, lag_s: f64, equal: u64, changes: u64 },
+    /// The position jumps from one sample to the next, first by so much, pu, within so long, s, at a time, ns, and so many times.
+    Jumps { by_pu: f64, step_s: f64, time_ns: i64, count: u64 },
     /// The servomotor moves away from its command, pu, and so far towards it.
     Away { away_pu: f64, towards_pu: f64 },
     /// The same, while spool and servomotor go together: the response comes before the command, by so much, s.
@@ -47,6 +51,12 @@ impl Impossible {
                 "the servomotor position is the command: {equal} of {all} samples are the same to the last bit, and in {moving} while it moves \
                  nothing but noise of {:.2} % is between the two; one of the two channels is wired to the other",
                 apart_pu * 100.0
+            ),
+            Self::LateCopy { of_position, lag_s, equal, changes } => late_copy(of_position, lag_s, equal, changes),
+            Self::Jumps { by_pu, step_s, time_ns, count } => format!(
+                "the servomotor position jumps by {} within {step_s:.3} s and stays there (at {time_ns} ns, {count} times in all), and nothing that oil \
+                 moves does: values were held or put in the place of others",
+                percent(by_pu)
             ),
             Self::Away { away_pu, towards_pu } => format!(
                 "the servomotor moves away from its command, by {} of the stroke in all and {} towards it: time runs backwards, the response \
@@ -130,4 +140,13 @@ impl Impossible {
             ),
         }
     }
+}
+
+fn late_copy(of_position: bool, lag_s: f64, equal: u64, changes: u64) -> String {
+    let names = ["the servomotor position", "the command"];
+    let [copy, other] = if of_position { [names[1], names[0]] } else { names };
+    format!(
+        "{copy} is {other} of {lag_s:.2} s before: {equal} of {changes} changed values are the same to the last bit; one of the two channels is \
+         wired to the other"
+    )
 }

@@ -1,17 +1,20 @@
 //! Time as files write it: ISO 8601, patterns, epochs, Excel serials, seconds from a start; local times by their zone.
 
 mod detect;
+mod words;
+mod zone;
 
+use jiff::Timestamp;
 use jiff::civil::{Date, DateTime, Time};
 use jiff::fmt::strtime::BrokenDownTime;
-use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
-use jiff::{Timestamp, tz};
+use jiff::tz::{AmbiguousOffset, TimeZone};
 
 use super::map::TimeMap;
 use super::number::{Numbers, decimal, decimal_ns};
 use govtwin_model::params::nearest;
 
-pub(super) use detect::detect;
+pub(super) use detect::{are_times, detect};
+use zone::zone;
 
 /// A second, ns.
 const SECOND_NS: i128 = 1_000_000_000;
@@ -25,6 +28,8 @@ const EXCEL_DAYS: i64 = 25_569;
 const MATLAB_DAYS: i64 = 719_529;
 /// A time of day that falls back by more than this has passed midnight, ns.
 const MIDNIGHT_NS: i64 = 43_200_000_000_000;
+/// An hour, ns.
+const HOUR_NS: i64 = 3_600_000_000_000;
 
 /// What counters of 16 and 32 bits count before they begin anew.
 const COUNTS: [i64; 2] = [1 << 16, 1 << 32];
@@ -138,7 +143,7 @@ pub struct TimeReader {
     start_ns: i64,
     day: Option<Date>,
     newest_ns: Option<i64>,
-    /// Days that a time without a date has passed.
+    /// Days that a time without a date has passed, or hours that one without an hour has.
     midnights: i64,
     last_of_day_ns: i64,
     /// The newest count of a relative time, ns, and what the counter has lost by beginning anew, ns.
@@ -287,6 +292,10 @@ impl TimeReader {
         if let Ok(timestamp) = text.parse::<Timestamp>() {
             return ns(timestamp);
         }
+        if let Some((local, offset)) = words::with_zone(text) {
+            let local = local.parse::<DateTime>().map_err(|_| wanted())?;
+            return ns(offset.to_timestamp(local).map_err(short)?);
+        }
         self.at(text.parse::<DateTime>().map_err(|_| wanted())?)
     }
 
@@ -294,6 +303,8 @@ impl TimeReader {
         let Format::Pattern(pattern) = &self.format else { return Err("no pattern".into()) };
         let comma = !pattern.contains(',') && text.contains(',');
         let plain = if comma { text.replace(',', ".") } else { text.to_owned() };
+        let in_words = pattern.contains("%b") || pattern.contains("%p");
+        let plain = if in_words { words::english(&plain) } else { plain };
         let parts = BrokenDownTime::parse(pattern, &plain)
             .map_err(|_| format!("expected a time as `{pattern}`, found `{text}`"))?;
         if parts.offset().is_some() || parts.iana_time_zone().is_some() {
@@ -303,6 +314,9 @@ impl TimeReader {
             return self.at(local);
         }
         let date = parts.to_date().ok();
+        if parts.hour().is_none() && parts.minute().is_some() && date.is_none() {
+            return Ok(self.of_hour(&parts));
+        }
         let time = parts.to_time().unwrap_or(Time::midnight());
         if let Some(date) = date {
             return self.at(date.to_datetime(time));
@@ -315,6 +329,17 @@ impl TimeReader {
         let day = self.day.unwrap_or(Date::constant(1970, 1, 1));
         let day = (0..self.midnights).try_fold(day, |day, _| day.tomorrow()).map_err(short)?;
         self.at(day.to_datetime(time))
+    }
+
+    /// Minutes and seconds, which begin anew with each hour, from the start.
+    fn of_hour(&mut self, parts: &BrokenDownTime) -> i64 {
+        let second = i64::from(parts.minute().unwrap_or(0)) * 60 + i64::from(parts.second().unwrap_or(0));
+        let of_hour_ns = second * 1_000_000_000 + i64::from(parts.subsec_nanosecond().unwrap_or(0));
+        if self.last_of_day_ns - of_hour_ns > HOUR_NS / 2 {
+            self.midnights += 1;
+        }
+        self.last_of_day_ns = of_hour_ns;
+        of_hour_ns + self.midnights * HOUR_NS + self.start_ns
     }
 
     /// Local time in the zone; where the end of summer time makes it ambiguous, the moment that goes on from the last one.
@@ -344,36 +369,6 @@ fn ns(timestamp: Timestamp) -> Result<i64, String> {
 #[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
 fn short(error: jiff::Error) -> String {
     error.to_string()
-}
-
-/// A zone by its name, or a fixed offset such as `UTC+1` or `+05:30`.
-fn zone(text: &str) -> Result<TimeZone, String> {
-    let rest = text.trim().trim_start_matches("UTC").trim_start_matches("GMT");
-    if rest.is_empty() || rest == "Z" {
-        return Ok(TimeZone::UTC);
-    }
-    let sign = match rest.as_bytes().first() {
-        Some(b'+') => 1,
-        Some(b'-') => -1,
-        _ => return named_zone(text),
-    };
-    let (hours, minutes) = rest[1..].split_once(':').unwrap_or((&rest[1..], "0"));
-    let number = |text: &str| text.parse::<i32>().ok().filter(|number| (0..60).contains(number));
-    let offset = number(hours).zip(number(minutes)).map(|(hours, minutes)| sign * (3600 * hours + 60 * minutes));
-    let offset = offset.and_then(|seconds| Offset::from_seconds(seconds).ok());
-    offset.map(TimeZone::fixed).ok_or_else(|| format!("time.zone: expected an offset such as +01:00, found `{text}`"))
-}
-
-fn named_zone(text: &str) -> Result<TimeZone, String> {
-    TimeZone::get(text).map_err(|_| {
-        let names: Vec<String> = tz::db().available().map(|name| name.as_str().to_owned()).collect();
-        let near = names.iter().max_by(|a, b| {
-            let likeness = |name: &str| strsim::jaro_winkler(&text.to_lowercase(), &name.to_lowercase());
-            likeness(a).total_cmp(&likeness(b))
-        });
-        let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
-        format!("time.zone: there is no zone `{text}`; {hint}expected a name such as Europe/Zurich, or an offset such as +01:00")
-    })
 }
 
 #[cfg(test)]

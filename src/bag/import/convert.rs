@@ -98,7 +98,7 @@ enum UnitOf {
 }
 
 /// Units in the plain form, and as people write them where names of columns end with them.
-const UNITS: [(&str, UnitOf, &str); 41] = [
+const UNITS: [(&str, UnitOf, &str); 51] = [
     ("pa", Gauge(1.0), "Pa"),
     ("hpa", Gauge(1e2), ""),
     ("mbar", Gauge(1e2), ""),
@@ -110,8 +110,18 @@ const UNITS: [(&str, UnitOf, &str); 41] = [
     ("psig", Gauge(6_894.757_293_168), ""),
     ("kgf/cm2", Gauge(98_066.5), ""),
     ("kg/cm2", Gauge(98_066.5), ""),
+    ("kp/cm2", Gauge(98_066.5), ""),
+    ("ksc", Gauge(98_066.5), ""),
     ("at", Gauge(98_066.5), ""),
     ("atm", Gauge(ATMOSPHERE_PA), ""),
+    ("bars", Gauge(1e5), ""),
+    ("n/mm2", Gauge(1e6), ""),
+    ("kn/m2", Gauge(1e3), ""),
+    ("mmhg", Gauge(133.322_387_415), ""),
+    ("torr", Gauge(133.322_387_415), ""),
+    ("mh2o", Gauge(9_806.65), ""),
+    ("mws", Gauge(9_806.65), ""),
+    ("mce", Gauge(9_806.65), ""),
     ("ata", Absolute(98_066.5), ""),
     ("bara", Absolute(1e5), "bara"),
     ("psia", Absolute(6_894.757_293_168), ""),
@@ -161,13 +171,16 @@ pub fn with_capital_at_end_of(name: &str) -> &'static str {
     all.find(|written| name.len() > written.len() && name.ends_with(written)).unwrap_or_default()
 }
 
-/// A unit in a plain form: lower case, brackets and blanks off, `(a)` and `abs` as `a`.
+/// A unit in a plain form: lower case, brackets and blanks off, `(a)` and `abs` as `a`, `(g)`, `(ü)` and `gauge` as `g`.
 #[must_use]
 pub fn plain(text: &str) -> String {
-    let lower = text.to_lowercase().replace([' ', '_'], "").replace("(a)", "a").replace("(g)", "g");
-    let lower = lower.trim_matches(['[', ']', '(', ')']).replace("²", "2").replace("^2", "2");
-    match lower.strip_suffix("abs") {
-        Some(unit) if !unit.is_empty() => format!("{unit}a"),
+    let lower = text.to_lowercase().replace([' ', '_'], "").replace("(a)", "a").replace(['²', '₂'], "2");
+    let lower = ["(g)", "(ü)", "gauge"].iter().fold(lower, |text, gauge| text.replace(gauge, "g"));
+    let lower = lower.trim_matches(['[', ']', '(', ')']).replace("^2", "2");
+    let absolute = ["abs", "abs.", "(abs", "absolute"].iter().find_map(|end| lower.strip_suffix(end));
+    match (absolute, lower.strip_suffix("barü")) {
+        (Some(unit), _) if !unit.is_empty() => format!("{unit}a"),
+        (_, Some("")) => "barg".to_owned(),
         _ => lower,
     }
 }
@@ -242,6 +255,12 @@ mod tests {
             ("bar abs", 64.013_25, 6.3e6),
             ("MPa(a)", 6.401_325, 6.3e6),
             ("kgf/cm²", 10.0, 980_665.0),
+            ("kp/cm2", 10.0, 980_665.0),
+            ("N/mm²", 6.3, 6.3e6),
+            ("bar(ü)", 63.0, 6.3e6),
+            ("PSI(G)", 1000.0, 6_894_757.293_168),
+            ("bar abs.", 64.013_25, 6.3e6),
+            ("mH₂O", 100.0, 980_665.0),
             ("psi", 1000.0, 6_894_757.293_168),
         ] {
             let found = pressure(text).unwrap().apply(value);

@@ -93,7 +93,8 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
         }
     };
     let row = |k: Option<usize>| k.and_then(|k| cells.get(k)).cloned().unwrap_or_default();
-    let mut names = row(names_at);
+    let above_names = names_at.and_then(|k| k.checked_sub(1)).filter(|k| Some(*k) != units_at);
+    let mut names = below_tags(row(names_at), above_names.map(|k| cells[k].as_slice()));
     let mut units = row(units_at);
     names.truncate(width);
     if names_at.is_none() {
@@ -125,6 +126,25 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
         quoted: sample.contains('"'),
         in_cells,
     })
+}
+
+/// Words that name no signal, below a line of tags of which each stands above the first of its columns.
+const BELOW_TAGS: [&str; 6] = ["value", "wert", "valeur", "valor", "val", "verdi"];
+
+/// Names of two lines: where the lower has `Time` and `Value` again and again, the tag above a value is its name.
+fn below_tags(names: Vec<String>, above: Option<&[String]>) -> Vec<String> {
+    let is_value = |name: &String| BELOW_TAGS.contains(&name.to_lowercase().as_str());
+    let Some(tags) =
+        above.filter(|tags| tags.len() == names.len() && names.iter().filter(|name| is_value(name)).count() > 1)
+    else {
+        return names;
+    };
+    let tag_of = |column: usize| tags[..=column].iter().rev().find(|tag| !tag.is_empty());
+    let named = |(column, name): (usize, &String)| match tag_of(column).filter(|_| is_value(name)) {
+        Some(tag) => tag.clone(),
+        None => name.clone(),
+    };
+    names.iter().enumerate().map(named).collect()
 }
 
 /// A number and the unit behind it, `70.8 %`.
@@ -171,8 +191,16 @@ fn no_data(cells: &[Vec<String>], separator: u8) -> String {
 pub(super) fn bracketed(name: &str) -> Option<(&str, &str)> {
     let name = name.trim();
     if let Some(open) = name.rfind(['[', '(']) {
-        let unit = name[open + 1..].strip_suffix([']', ')'])?.trim();
-        return (is_unit(unit) && open > 0).then(|| (name[..open].trim(), unit));
+        let inside = |open: usize| Some(name[open + 1..].strip_suffix([']', ')'])?.trim());
+        // Gauge and absolute stand in brackets of their own: `[bar(g)]`.
+        let outer = name[..open]
+            .rfind(['[', '('])
+            .filter(|_| name.ends_with("])") || name.ends_with(")]") || name.ends_with("))"));
+        let found = [Some(open), outer]
+            .into_iter()
+            .flatten()
+            .find_map(|open| Some((open, inside(open).filter(|unit| is_unit(unit))?)));
+        return found.filter(|(open, _)| *open > 0).map(|(open, unit)| (name[..open].trim(), unit));
     }
     let (rest, unit) = name.rsplit_once([' ', '/', ','])?;
     // Letters that stand alone tell signals apart as well.
@@ -256,9 +284,6 @@ fn is_time(text: &str) -> bool {
 
 /// The decimal sign that most numbers have which have one.
 fn decimal(cells: &[Vec<String>], separator: u8, width: usize) -> char {
-    if separator == b',' {
-        return '.';
-    }
     let signed = |sign: char| {
         let has = |cell: &&String| {
             let plain = Numbers { decimal: sign, thousands: None, missing: vec![] };
@@ -267,6 +292,14 @@ fn decimal(cells: &[Vec<String>], separator: u8, width: usize) -> char {
         };
         cells.iter().filter(|row| row.len() == width).flatten().filter(has).count()
     };
+    if separator == b',' {
+        // A comma inside of quotes may stand between groups of digits.
+        let part = |cell: &String| {
+            cell.rsplit_once(',')
+                .is_some_and(|(_, part)| part.bytes().all(|byte| byte.is_ascii_digit()) && part.len() != 3)
+        };
+        return if signed('.') == 0 && cells.iter().flatten().any(part) && signed(',') > 0 { ',' } else { '.' };
+    }
     if signed(',') > signed('.') { ',' } else { '.' }
 }
 
@@ -300,6 +333,10 @@ mod tests {
             assert_eq!(shape, (separator, decimal, header, first), "{sample}");
             assert_eq!(found.names.last().map(String::as_str), Some(name), "{sample}");
         }
+        let pairs = of("Y_SP,,Y.PV,\nTime,Value,Time,Value\n0,1,0,2\n1,1,1,2\n");
+        assert_eq!(pairs.names, ["Time", "Y_SP", "Time", "Y.PV"]);
+        let quoted = of("\"t\",\"a\"\n\"0,5\",\"6323,25\"\n\"1,5\",\"6324,75\"\n");
+        assert_eq!((quoted.separator, quoted.numbers.decimal), (b',', ','));
         let three = of("TAG1;TAG2\nTank pressure;Position\nbar;mm\n63;1\n63;2\n");
         assert_eq!((three.names, three.units), (vec!["TAG1".into(), "TAG2".into()], vec!["bar".into(), "mm".into()]));
         let groups = of("Regler;;Anlage\nt;u;p [bar]\n0;1;63\n1;1;63\n");

@@ -64,7 +64,7 @@ impl Numbers {
         let begins = text
             .chars()
             .next()
-            .is_some_and(|letter| letter.is_ascii_digit() || "+-.,'(".contains(letter) || is_minus(letter));
+            .is_some_and(|letter| letter.is_ascii_digit() || "+-.,'(=".contains(letter) || is_minus(letter));
         if begins
             && !self.missing.iter().any(|missing| missing == text)
             && let Ok(number) = self.plain(text).parse::<f64>()
@@ -101,6 +101,8 @@ impl Numbers {
     /// the apostrophe that spreadsheets put before text, and blanks or apostrophes between groups of three digits.
     fn respelled(&self, text: &str) -> String {
         let text = text.trim();
+        // A formula of a spreadsheet that is one text: `="70.8"`.
+        let text = text.strip_prefix('=').map_or(text, |rest| rest.trim_matches('"'));
         let text = text.strip_prefix('\'').filter(|rest| !rest.is_empty()).unwrap_or(text);
         let inside = text.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
         let behind =
@@ -235,6 +237,7 @@ mod tests {
             ('.', None, "\u{ad}0.5", -0.5),
             ('.', None, "'-2.00", -2.0),
             ('.', None, "'2.00", 2.0),
+            ('.', None, "=\"-2.00\"", -2.0),
             ('.', None, "12.5-", -12.5),
             ('.', None, "(12.5)", -12.5),
             ('.', None, "- 12.5", -12.5),

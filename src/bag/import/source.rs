@@ -5,6 +5,7 @@ mod fraction;
 pub(super) mod head;
 mod machine;
 mod order;
+mod pairs;
 pub(super) mod quality;
 pub(super) mod records;
 pub(super) mod table;
@@ -69,6 +70,30 @@ fn is_comtrade(head: &[u8]) -> bool {
     station.starts_with("--- file type:") || (counted && (1..=2).contains(&station.matches(',').count()))
 }
 
+/// Text that is no table, with the way out.
+fn other_text(head: &[u8]) -> Option<&'static str> {
+    let text = String::from_utf8_lossy(head);
+    let text = text.trim_start_matches('\u{feff}').trim_start();
+    let line = text.lines().find(|line| !line.starts_with('#')).unwrap_or_default();
+    if text.starts_with("{\"") || text.starts_with("[{") || text.starts_with("{\n") {
+        return Some(
+            "JSON; write its signals as a table of one column each first (in Python `pandas.read_json(FILE, lines=True).to_csv(FILE)`)",
+        );
+    }
+    if text.starts_with('<') {
+        return Some(
+            "a page or XML, which some programs call .xls; open it in Excel or LibreOffice and save the sheet as CSV",
+        );
+    }
+    // measurement,tag=value field=value time
+    let parts: Vec<&str> = line.split(' ').collect();
+    let is_line = matches!(parts[..], [series, fields, time] if !series.contains('"') && fields.split(',').all(|field| field.contains('='))
+        && time.len() >= 10 && time.bytes().all(|byte| byte.is_ascii_digit()));
+    is_line.then_some(
+        "InfluxDB's line protocol; export a table in its place: `influx query --raw QUERY` writes annotated CSV, `influx -format csv` a plain one",
+    )
+}
+
 /// Whether the configuration of a COMTRADE recording lies beside a file of data.
 fn beside_comtrade(path: &Path) -> bool {
     let is_data = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("dat"));
@@ -104,6 +129,9 @@ pub fn kind_of(path: &Path) -> Result<SourceKind, ImportError> {
     }
     if is_comtrade(&head) || beside_comtrade(path) {
         return Err(ImportError::file(path, format!("expected a table or a bag, found {COMTRADE}")));
+    }
+    if let Some(found) = other_text(&head) {
+        return Err(ImportError::file(path, format!("expected a table or a bag, found {found}")));
     }
     if let Some((_, found)) = OTHERS.iter().find(|(magic, _)| head.starts_with(magic)) {
         return Err(ImportError::file(path, format!("expected a table or a bag, found {found}")));

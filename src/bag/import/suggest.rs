@@ -6,6 +6,7 @@ mod names;
 mod propose;
 mod rank;
 mod relations;
+mod signal_words;
 mod tall;
 mod trio;
 mod trip;
@@ -166,7 +167,12 @@ fn of_table<R: TableRecords>(
     }
     suggestion.notes = said.notes;
     suggestion.open.extend(said.warnings);
-    if 2 * repeated > rows {
+    if rows > 2 && 100 * (repeated + 1) >= 99 * rows {
+        suggestion.open.push(format!(
+            "time: {repeated} of {rows} rows have the time of the one before, as in a column of days alone; name the one that holds the time of day \
+             with --time-column, or say with --rate-hz how many rows a second has"
+        ));
+    } else if 2 * repeated > rows {
         // Most rows have the time of the one before: a clock without fractions of the second.
         suggestion.map.time.repeated = Repeated::Spread;
         suggestion.open.push(format!(

@@ -32,9 +32,14 @@ pub fn run(file: &Path, known: &Known, out: &Path, as_json: bool) -> anyhow::Res
     drop(progress);
     if suggestion.map.signals.iter().all(|signal| signal.place().is_none()) {
         let names: Vec<String> =
-            suggestion.columns.iter().take(40).map(|column| format!("`{}`", column.name)).collect();
+            suggestion.columns.iter().take(20).map(|column| format!("`{}`", column.name)).collect();
+        let more = suggestion.columns.len().saturating_sub(names.len());
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let unread: Vec<&str> =
+            suggestion.open.iter().filter(|open| open.contains("cells are no numbers")).map(String::as_str).collect();
+        let why = if unread.is_empty() { String::new() } else { format!(": {}", unread.join("; ")) };
         anyhow::bail!(
-            "{}: nothing in it looks like a signal of a servo system; its columns are {}; write a map by hand (docs/import.md)",
+            "{}: nothing in it looks like a signal of a servo system; its columns are {}{more}{why}; write a map by hand (docs/import.md)",
             file.display(),
             names.join(", ")
         );

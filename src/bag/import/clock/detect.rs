@@ -6,7 +6,7 @@ use crate::import::map::TimeMap;
 use crate::import::number::{NumberCell, Numbers};
 
 /// Patterns that are tried, the more special first; of the last two only one may fit.
-const PATTERNS: [&str; 25] = [
+const PATTERNS: [&str; 33] = [
     "%Y-%m-%d %H:%M:%S%.f %z",
     "%Y/%m/%d %H:%M:%S%.f",
     "%Y.%m.%d %H:%M:%S%.f",
@@ -25,13 +25,21 @@ const PATTERNS: [&str; 25] = [
     "%d-%b-%y %H:%M:%S%.f",
     "%d %b %Y %H:%M:%S%.f",
     "%b %d, %Y %I:%M:%S%.f %p",
+    "%a %b %d %H:%M:%S%.f %Y",
+    "%Y年%m月%d日 %H:%M:%S%.f",
+    "%Y年%m月%d日%H时%M分%S%.f秒",
+    "%Y/%m/%d %p %I:%M:%S%.f",
+    "%Y-%jT%H:%M:%S%.f",
     "%H:%M:%S%.f",
+    "%M:%S.%f",
     "%m/%d/%Y %I:%M:%S%.f %p",
     "%d/%m/%Y %I:%M:%S%.f %p",
     "%m/%d/%Y %H:%M:%S%.f",
     "%d/%m/%Y %H:%M:%S%.f",
     "%m/%d/%Y %H:%M",
     "%d/%m/%Y %H:%M",
+    "%m/%d/%y %H:%M:%S%.f",
+    "%d/%m/%y %H:%M:%S%.f",
 ];
 
 /// What was found out.
@@ -91,6 +99,24 @@ pub(in crate::import) fn detect(
              %H:%M:%S%.f\"}}`, or name another column"
         )),
     }
+}
+
+/// Whether nearly all texts are dates or times of day in one of the known ways, or look like some.
+pub(in crate::import) fn are_times(texts: &[String], numbers: &Numbers) -> bool {
+    let formats = [Format::Iso].into_iter().chain(PATTERNS.map(|pattern| Format::Pattern(pattern.to_owned())));
+    let most = |count: usize| count * 10 >= texts.len() * 9 && count > 0;
+    let looks = |text: &&String| {
+        let text = text.trim();
+        let digits = text.chars().filter(char::is_ascii_digit).count();
+        // A date and a time of day have six digits and more, and signs or words of several kinds between them.
+        let signs = ['-', '/', '.', ':', 'T', '年', '月', '时'].into_iter().filter(|sign| text.contains(*sign)).count();
+        digits >= 6 && signs >= 2
+    };
+    most(texts.iter().filter(looks).count())
+        || formats.into_iter().any(|format| {
+            let clock = super::TimeReader::new(format, &TimeMap::default(), numbers);
+            clock.is_ok_and(|mut clock| most(texts.iter().filter(|text| clock.read(text).is_ok()).count()))
+        })
 }
 
 /// How digits alone write date and time of day, where all are such: no count of anything falls into these years with as many digits.
@@ -271,6 +297,13 @@ mod tests {
             (["5/13/2024 1:00:00 PM", "5/13/2024 1:00:01 PM", "5/13/2024 1:00:02 PM"], "", "%m/%d/%Y %I:%M:%S%.f %p"),
             (["02-May-2024 10:00:00", "02-May-2024 10:00:01", "02-May-2024 10:00:02"], "", "%d-%b-%Y %H:%M:%S%.f"),
             (["10:00:00.1", "10:00:00.2", "10:00:00.3"], "", "%H:%M:%S%.f"),
+            (["59:59.9", "00:00.0", "00:00.1"], "", "%M:%S.%f"),
+            (["22. Mai 2026 10:00:00", "22. Mai 2026 10:00:01", "22. Mai 2026 10:00:02"], "", "%d %b %Y %H:%M:%S%.f"),
+            (["22/9/2026 1:00:00 p. m.", "22/9/2026 1:00:01 p. m.", ""], "", "%d/%m/%Y %I:%M:%S%.f %p"),
+            (["13/05/24 10:00:00", "13/05/24 10:00:01", "13/05/24 10:00:02"], "", "%d/%m/%y %H:%M:%S%.f"),
+            (["2026-09-22 18:38:20.5 CEST", "2026-09-22 18:38:21 CEST", ""], "", "iso"),
+            (["2026年9月22日 18:38:20", "2026年9月22日 18:38:21", ""], "", "%Y年%m月%d日 %H:%M:%S%.f"),
+            (["2026-265T18:38:20.5", "2026-265T18:38:21", ""], "", "%Y-%jT%H:%M:%S%.f"),
             (["134345759000000000", "134345759000400000", "134345759000800000"], "", "filetime"),
             (["639000000000000000", "639000000000400000", "639000000000800000"], "", "dotnet_ticks"),
             (["13434575900000000", "13434575900040000", "13434575900080000"], "", "windows_us"),

@@ -10,7 +10,7 @@ use crate::import::row::Target;
 use govtwin_model::params::nearest;
 
 /// Names that columns of time have, in lower case, without what stands in brackets; the surest first.
-const TIMES: [&str; 29] = [
+const TIMES: [&str; 46] = [
     "timestamp",
     "__time",
     "_time",
@@ -37,17 +37,55 @@ const TIMES: [&str; 29] = [
     "time_ns",
     "#time",
     "timestring",
+    "data/hora",
+    "data e hora",
+    "fecha/hora",
+    "fecha y hora",
+    "tempo",
+    "hora",
+    "tid",
+    "tidspunkt",
+    "tidpunkt",
+    "czas",
+    "aika",
+    "время",
+    "дата/время",
+    "дата и время",
+    "时间",
+    "日期时间",
+    "時刻",
     "date",
     "datum",
     "index",
 ];
 /// Names of columns that hold a date beside a column of the time of day.
-const DATES: [&str; 3] = ["date", "datum", "fecha"];
+const DATES: [&str; 6] = ["date", "datum", "fecha", "dato", "дата", "日期"];
 /// Names of the latter.
-const TIMES_OF_DAY: [&str; 5] = ["time", "zeit", "uhrzeit", "heure", "ora"];
+const TIMES_OF_DAY: [&str; 9] = ["time", "zeit", "uhrzeit", "heure", "ora", "hora", "tid", "время", "时间"];
+/// The date and the time of day where the first is a word for data as well.
+const DATA: (&str, [&str; 3]) = ("data", ["hora", "ora", "czas"]);
+/// Words by which a column may hold the times of another beside it: `t_servo`, `servo time`, `Time.1`.
+const TIME_WORDS: [&str; 16] = [
+    "time",
+    "t",
+    "timestamp",
+    "zeit",
+    "zeitstempel",
+    "horodatage",
+    "temps",
+    "fecha",
+    "tiempo",
+    "ora",
+    "hora",
+    "tempo",
+    "tid",
+    "时间",
+    "время",
+    "date",
+];
 
 /// Names of columns that say of which machine a row is, without a number, `name`, `id` and `no` behind them.
-const MACHINES: [&str; 12] = [
+const MACHINES: [&str; 28] = [
     "unit",
     "machine",
     "turbine",
@@ -60,6 +98,22 @@ const MACHINES: [&str; 12] = [
     "groupe",
     "unidad",
     "host",
+    "grupo",
+    "gruppo",
+    "aggregaat",
+    "agregat",
+    "агрегат",
+    "机组",
+    "station",
+    "plant",
+    "site",
+    "anlage",
+    "kraftwerk",
+    "centrale",
+    "usine",
+    "planta",
+    "device",
+    "name",
 ];
 
 /// What is known of a table before its records.
@@ -107,7 +161,9 @@ impl TableHead {
         let is_one = |name: &String| {
             let lower = name.trim().to_lowercase();
             let words = lower.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty());
-            let mut rest = words.filter(|word| !["name", "id", "no", "nr", "number", "nummer"].contains(word));
+            let behind = ["name", "id", "no", "nr", "number", "nummer"];
+            let mut rest =
+                words.enumerate().filter(|(place, word)| *place == 0 || !behind.contains(word)).map(|(_, word)| word);
             rest.next().is_some_and(|word| MACHINES.contains(&word)) && rest.next().is_none()
         };
         (0..self.names.len()).find(|column| !taken.contains(column) && is_one(&self.names[*column]))
@@ -134,6 +190,9 @@ impl TableHead {
         match (first(&DATES), first(&TIMES_OF_DAY)) {
             _ if find("timestring").is_some() && find("time_ms").is_some() => find("time_ms").into_iter().collect(),
             (Some(date), Some(time)) => vec![date, time],
+            (None, Some(time)) if DATA.1.contains(&bare(&self.names[time]).as_str()) && find(DATA.0).is_some() => {
+                find(DATA.0).into_iter().chain([time]).collect()
+            }
             _ => match first(&TIMES).filter(|place| bare(&self.names[*place]) != "index") {
                 Some(place) => vec![place],
                 None => self.seconds().or_else(|| Some(vec![first(&TIMES)?])).unwrap_or_default(),
@@ -150,6 +209,12 @@ impl TableHead {
             let is_second = SECONDS.contains(&unit.as_str());
             is_second.then(|| nanoseconds(&of)).flatten().map(|part| vec![second, part])
         })
+    }
+
+    /// Whether a column, by its name, may hold times of others as the one of another name does.
+    pub(super) fn may_be_time(&self, column: usize, main: usize) -> bool {
+        let (own, of_main) = (time_words(&self.names[column]), time_words(&self.names[main]));
+        own.iter().any(|word| TIME_WORDS.contains(&word.as_str())) || (own.last() == of_main.last() && own.len() > 1)
     }
 
     /// Whether a column, by its name, is the part of the second of times in other columns.
@@ -188,6 +253,13 @@ fn last_word(name: &str) -> (String, String) {
     let from = bare.char_indices().rev().take_while(|(_, letter)| letter.is_alphanumeric()).last();
     let (before, word) = bare.split_at(from.map_or(bare.len(), |(from, _)| from));
     (before.trim_end_matches(|letter: char| !letter.is_alphanumeric()).to_owned(), word.to_owned())
+}
+
+/// The words of a column's name, in lower case, without what stands in brackets and without digits.
+fn time_words(name: &str) -> Vec<String> {
+    let bare = bracketed(name).map_or(name, |(bare, _)| bare).trim().to_lowercase();
+    let words = bare.split(|letter: char| !letter.is_alphabetic()).filter(|word| !word.is_empty());
+    words.map(str::to_owned).collect()
 }
 
 /// The digits behind the second of a column that by its name holds a part of it.

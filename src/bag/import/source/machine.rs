@@ -29,7 +29,16 @@ impl MachineLook {
             let number = text.trim_start_matches(|letter: char| letter.is_alphabetic() || " _-#".contains(letter));
             !number.is_empty() && number.len() < 4 && number.bytes().all(|byte| byte.is_ascii_digit()) && number != "0"
         };
-        let all = self.found.iter().all(|(text, count)| numbered(text) && !is_unit(text) && *count >= FEWEST_ROWS);
+        // Names of plants and machines have as many rows each.
+        let most = self.found.iter().map(|(_, count)| *count).max().unwrap_or(0);
+        let named = |text: &str, count: u64| {
+            text.chars().next().is_some_and(char::is_uppercase)
+                && text.chars().any(char::is_lowercase)
+                && count * 10 > most * 9
+        };
+        let is_machine = |text: &str, count: u64| numbered(text) || named(text, count);
+        let all =
+            self.found.iter().all(|(text, count)| is_machine(text, *count) && !is_unit(text) && *count >= FEWEST_ROWS);
         let several = (2..MOST).contains(&self.found.len()) && all;
         several.then(|| self.found.iter().map(|(text, _)| format!("`{text}`")).collect::<Vec<_>>().join(", "))
     }
@@ -48,6 +57,7 @@ mod tests {
         };
         assert_eq!(several(&["U3", "U5"], 20).as_deref(), Some("`U3`, `U5`"));
         assert_eq!(several(&["1", "2", "3"], 20).as_deref(), Some("`1`, `2`, `3`"));
+        assert_eq!(several(&["Ybbs", "Melk"], 20).as_deref(), Some("`Ybbs`, `Melk`"));
         for texts in [&["U3"][..], &["%", "bar"], &["0", "1"], &["RUN", "STOP"], &["63.4", "63.5"]] {
             assert_eq!(several(texts, 20), None, "{texts:?}");
         }

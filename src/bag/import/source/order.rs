@@ -67,6 +67,10 @@ pub(super) fn sort(rows: &mut Vec<ImportedRow>) -> Result<RowOrder, String> {
     for target in Target::ALL {
         let times = rows.iter().filter(|row| row.value(target).is_some()).map(|row| row.time_ns);
         let own = check(times).map_err(|problem| format!("{}: {problem}", target.id()))?;
+        if own.jumps > 0 {
+            let samples = rows.iter().filter_map(|row| Some((row.time_ns, row.value(target)?)));
+            goes_on(&samples.collect::<Vec<_>>()).map_err(|problem| format!("{}: {problem}", target.id()))?;
+        }
         order.jumps = order.jumps.max(own.jumps);
         order.late = order.late.max(own.late);
         order.most_late_ns = order.most_late_ns.max(own.most_late_ns);
@@ -126,6 +130,33 @@ fn check(times_ns: impl Iterator<Item = i64>) -> Result<RowOrder, String> {
     Ok(RowOrder { newest_first: false, jumps, late, most_late_ns })
 }
 
+/// Values that differ by so many times the usual step are not beside each other.
+const APART: f64 = 10.0;
+
+/// Fails where values go on although time goes back, and would not in the order of time: a clock began anew there, and no part stands in another place.
+fn goes_on(samples: &[(i64, f64)]) -> Result<(), String> {
+    let mut parts: Vec<&[(i64, f64)]> =
+        samples.chunk_by(|before, after| after.0 >= before.0.saturating_sub(LATE_NS)).collect();
+    let mut steps: Vec<f64> =
+        parts.iter().flat_map(|part| part.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs())).collect();
+    steps.sort_by(f64::total_cmp);
+    // The usual step is that of all but one in a hundred: signals rest most of the time.
+    let usual = steps.get(steps.len() * 99 / 100).copied().unwrap_or(0.0);
+    let seam = |pair: &[&[(i64, f64)]]| Some((pair[1].first()?.1 - pair[0].last()?.1).abs());
+    let as_written = parts.windows(2).filter_map(seam).fold(0.0, f64::max);
+    let back_ns = parts.windows(2).find_map(|pair| Some(pair[0].last()?.0 - pair[1].first()?.0)).unwrap_or(0);
+    parts.sort_by_key(|part| part[0].0);
+    let in_order = parts.windows(2).filter_map(seam).fold(0.0, f64::max);
+    if usual > 0.0 && as_written <= 2.0 * usual && in_order > APART * usual {
+        return Err(format!(
+            "time goes back by {:.3} s, and values go on there as if it did not: a counter or a clock of 12 hours that began anew, or the end of summer \
+             time; give the `zone` of local times, or export times with their date",
+            seconds_from_nanos(back_ns)
+        ));
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -169,6 +200,20 @@ mod tests {
         let of = |target: Target| both.iter().map(|row| row.value(target).is_some()).collect::<Vec<_>>();
         assert_eq!(of(Target::SpoolPosition), [true, true, true, false]);
         assert_eq!(of(Target::ServomotorPosition), [true; 4]);
+    }
+
+    #[test]
+    fn a_clock_that_begins_anew_is_no_other_order() {
+        let ramp = |times_s: &[i64], value: &dyn Fn(usize) -> f64| {
+            let mut rows = rows(times_s, Target::ServomotorPosition);
+            rows.iter_mut().enumerate().for_each(|(k, row)| row.set(Target::ServomotorPosition, value(k)));
+            sort(&mut rows)
+        };
+        let minute: Vec<i64> = (20..60).chain(0..20).collect();
+        let words = ramp(&minute, &|k| k as f64).unwrap_err();
+        assert!(words.contains("time goes back by 59.000 s") && words.contains("began anew"), "{words}");
+        // The same times of a file whose second part is the earlier one.
+        assert_eq!(ramp(&minute, &|k| minute[k] as f64).unwrap().jumps, 1);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::channel::ChannelValue;
 
 /// Words of names that say that a column holds the quality of another.
-const QUALITY: [&str; 26] = [
+const QUALITY: [&str; 43] = [
     "quality",
     "qual",
     "q",
@@ -30,15 +30,52 @@ const QUALITY: [&str; 26] = [
     "fault",
     "error",
     "pctgood",
+    "qualité",
+    "qualità",
+    "calidad",
+    "qualidade",
+    "kvalitet",
+    "kvalité",
+    "质量",
+    "品质",
+    "качество",
+    "ok",
+    "isgood",
+    "confidence",
+    "conf",
+    "annotation",
+    "annotated",
+    "interpolated",
+    "nan",
 ];
 /// Words of names by which 1, or true, says that a value is not good.
-const NOT_GOOD: [&str; 7] = ["bad", "invalid", "questionable", "substituted", "suspect", "ungueltig", "ungültig"];
+const NOT_GOOD: [&str; 9] =
+    ["bad", "invalid", "questionable", "substituted", "suspect", "ungueltig", "ungültig", "interpolated", "nan"];
 /// Words of names that stand for the value beside its quality.
-const VALUE: [&str; 11] = ["value", "val", "pv", "wert", "valeur", "valor", "current", "v", "code", "pct", "percent"];
+const VALUE: [&str; 12] =
+    ["is", "value", "val", "pv", "wert", "valeur", "valor", "current", "v", "code", "pct", "percent"];
 /// Beginnings of words that say that a value is good.
-const GOOD: [&str; 7] = ["good", "ok", "valid", "normal", "gut", "true", "g"];
+const GOOD: [&str; 17] = [
+    "good",
+    "ok",
+    "valid",
+    "normal",
+    "gut",
+    "true",
+    "measured",
+    "bon",
+    "buen",
+    "boa",
+    "bom",
+    "god",
+    "bra",
+    "好",
+    "正常",
+    "хорош",
+    "g",
+];
 /// And that it is not; words of one letter stand for themselves.
-const BAD: [&str; 22] = [
+const BAD: [&str; 31] = [
     "bad",
     "invalid",
     "uncertain",
@@ -58,6 +95,15 @@ const BAD: [&str; 22] = [
     "ungültig",
     "unsicher",
     "manual",
+    "mauvais",
+    "mal",
+    "ruim",
+    "dårlig",
+    "dålig",
+    "interpol",
+    "坏",
+    "故障",
+    "плох",
     "b",
     "u",
     "x",
@@ -172,7 +218,7 @@ impl QualityLook {
     /// How the column says what is good; none where it shows nothing but one state, an error in words where it shows several and nobody knows which
     /// of them is good, or where it calls most values bad.
     pub(in crate::import) fn quality(&self, name: &str) -> Result<Option<Quality>, String> {
-        let whole = self.numbers.iter().all(|(number, _)| number.fract() == 0.0 && *number >= 0.0);
+        let whole = self.numbers.iter().all(|(number, _)| number.fract() == 0.0);
         if self.others || !whole || self.numbers.len() >= MOST_DISTINCT || self.words.len() >= MOST_DISTINCT {
             return Ok(None);
         }
@@ -201,6 +247,8 @@ impl QualityLook {
     /// The rule by which a column of this name, and these contents, says what is good.
     fn rule(&self, name: &str) -> Option<Quality> {
         let most = self.numbers.iter().map(|(number, _)| *number).fold(0.0, f64::max);
+        // Programs without unsigned numbers write codes of 32 bits as negative ones.
+        let is_signed = self.numbers.iter().any(|(number, _)| *number <= -OPC_UA_NOT_GOOD);
         let words = words_of(name);
         let says = |known: &[&str]| words.iter().any(|word| known.contains(&word.as_str()));
         let known = |(word, _): &(String, u64)| is_word(word, &GOOD) || is_word(word, &BAD);
@@ -210,15 +258,26 @@ impl QualityLook {
             // `fault` and `error` may be of the machine.
             _ if says(&["fault", "error"]) => None,
             (false, true) if self.words.iter().all(known) => Some(Quality::Words),
-            (true, false) if says(&["pctgood"]) || says(&["good"]) && says(&["pct", "percent"]) => Some(Quality::Share),
+            (true, false)
+                if says(&["pctgood"])
+                    || says(&["good"]) && says(&["pct", "percent"])
+                    || says(&["confidence", "conf"]) && most == 100.0 =>
+            {
+                Some(Quality::Share)
+            }
             (true, false) if (OPC_DA_GOOD..256.0).contains(&most) => Some(Quality::OpcDa),
             (true, false) if (PCS7_GOOD..OPC_DA_GOOD).contains(&most) => Some(Quality::Pcs7),
             (true, false)
-                if most >= OPC_UA_NOT_GOOD || says(&["statuscode"]) || says(&["status"]) && says(&["code"]) =>
+                if most >= OPC_UA_NOT_GOOD
+                    || is_signed
+                    || says(&["statuscode"])
+                    || says(&["status"]) && says(&["code"]) =>
             {
                 Some(Quality::OpcUa)
             }
-            (true, false) if most <= 1.0 && says(&["valid", "validity", "good", "gueltig", "gültig"]) => {
+            (true, false)
+                if most <= 1.0 && says(&["valid", "validity", "good", "gueltig", "gültig", "ok", "isgood"]) =>
+            {
                 Some(Quality::Flag)
             }
             _ => None,
@@ -314,6 +373,14 @@ mod tests {
             ("Questionable", vec![text("False"), text("True")], text("FALSE"), text("True")),
             ("Y_bad", vec![number(0.0), number(1.0)], number(0.0), number(1.0)),
             ("PctGood", vec![number(100.0), number(0.0)], number(100.0), number(97.0)),
+            ("Y Confidence", vec![number(100.0), number(0.0)], number(100.0), number(50.0)),
+            ("Y_ok", vec![number(1.0), number(0.0)], number(1.0), number(0.0)),
+            ("Y qualité", vec![text("bon"), text("mauvais")], text("bon"), text("mauvais")),
+            ("Y 质量", vec![text("好"), text("坏")], text("好"), text("坏")),
+            ("Y status", vec![number(0.0), number(-2_146_828_288.0)], number(0.0), number(-2_146_828_288.0)),
+            ("Y is_good", vec![text("True"), text("False")], text("True"), text("False")),
+            ("Y flag", vec![text("measured"), text("substituted")], text("measured"), text("substituted")),
+            ("Y interpolated", vec![number(0.0), number(1.0)], number(0.0), number(1.0)),
         ] {
             let quality = look(&values).quality(name).unwrap().unwrap_or_else(|| panic!("{name}"));
             assert!(quality.is_good(good) && !quality.is_good(bad), "{name}: {quality:?}");

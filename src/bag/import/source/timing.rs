@@ -3,10 +3,10 @@
 use super::channel::ChannelValue;
 use super::fraction::{Fraction, fraction_beside};
 use super::head::TableHead;
+use super::pairs::pairs;
 use super::records::{SAMPLED, TableRecords};
 use crate::import::ImportError;
-use crate::import::clock::{Format, TimeReader, detect};
-use crate::import::dialect::bracketed;
+use crate::import::clock::{Format, TimeReader, are_times, detect};
 use crate::import::map::{Map, SignalPlace};
 use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
@@ -65,7 +65,7 @@ pub(in crate::import) fn is_timed<R: TableRecords>(
     open: &impl Fn() -> Result<R, ImportError>,
 ) -> Result<bool, ImportError> {
     let is_given = map.time.rate_hz.is_some() || !map.time.columns.is_empty();
-    Ok(is_given || !head.time_columns().is_empty() || rises(&mut open()?)?)
+    Ok(is_given || !head.time_columns().is_empty() || rises(&mut open()?)? || dated(head, open)?.is_some())
 }
 
 /// Finds the columns of time and how it is written.
@@ -103,8 +103,14 @@ pub(super) fn timing<R: TableRecords>(
     }
     if columns.is_empty() {
         columns = head.time_columns();
+        let mut why = "";
+        if columns.is_empty() {
+            columns.extend(dated(head, open)?);
+            why = ", by what stands in it";
+        }
         if columns.is_empty() && rises(&mut open()?)? {
             columns.push(0);
+            why = ", which rises from line to line";
         }
         let first = columns.first().ok_or_else(|| {
             wrong(format!(
@@ -113,7 +119,6 @@ pub(super) fn timing<R: TableRecords>(
                 head.absent("time")
             ))
         })?;
-        let why = if head.time_columns().is_empty() { ", which rises from line to line" } else { "" };
         note = format!("time is column `{}`{why}", head.names[*first]);
         if let Some(part) = fraction_beside(head, &columns, open)? {
             note = format!("{note} with `{}` as part of the second", head.names[part]);
@@ -211,52 +216,37 @@ pub(super) fn own_times<R: TableRecords>(
     Ok(found)
 }
 
-/// A column of times in pairs of time and value side by side, and where the columns end for which it counts.
-struct Pair {
-    columns: Vec<usize>,
-    end: usize,
-    until: usize,
-}
-
-/// Further columns of times, of the same name as the first, whose times are others.
-fn pairs<R: TableRecords>(
+/// The first column in which nearly every cell is a date or a time of day, or looks like one; one that is called the source's or universal is
+/// preferred, as others may be those of a receiver.
+fn dated<R: TableRecords>(
     head: &TableHead,
-    main: &TimeGroup,
     open: &impl Fn() -> Result<R, ImportError>,
-) -> Result<Vec<Pair>, ImportError> {
-    let bare = |column: usize| {
-        let name = head.names[column].trim();
-        bracketed(name).map_or(name, |(bare, _)| bare).trim().to_lowercase()
-    };
-    let Some(first) = main.columns.first().copied() else { return Ok(vec![]) };
-    let begins: Vec<usize> = (0..head.names.len()).filter(|column| bare(*column) == bare(first)).collect();
-    let width = main.columns.len();
-    let mut pairs = vec![];
-    for (place, begin) in begins.iter().enumerate().filter(|(_, begin)| **begin != first) {
-        let columns: Vec<usize> = (*begin..(begin + width).min(head.names.len())).collect();
-        let until = begins.get(place + 1).copied().unwrap_or(head.names.len());
-        let alike = columns.iter().zip(&main.columns).all(|(column, of_main)| bare(*column) == bare(*of_main));
-        if alike && columns.len() == width && begin + width < until {
-            pairs.push(Pair { columns, end: begin + width, until });
-        }
-    }
-    if pairs.is_empty() {
-        return Ok(pairs);
-    }
-    // The same times again are an export that repeats them.
-    let mut differ = vec![false; pairs.len()];
+) -> Result<Option<usize>, ImportError> {
+    let mut texts: Vec<Vec<String>> = vec![vec![]; head.names.len()];
+    let mut native = vec![false; head.names.len()];
     let mut records = open()?;
     let mut count = 0;
     while count < SAMPLED && records.advance()? {
         count += 1;
-        let of_main = time_text(&records, &main.columns, None);
-        for (pair, differ) in pairs.iter().zip(&mut differ) {
-            *differ |= time_text(&records, &pair.columns, None) != of_main;
+        for (column, (texts, native)) in texts.iter_mut().zip(&mut native).enumerate() {
+            match records.value(column) {
+                ChannelValue::Text(text) => texts.push(text.to_owned()),
+                ChannelValue::Time(_) | ChannelValue::Local(_) => *native = true,
+                _ => {}
+            }
         }
     }
-    let mut differ = differ.into_iter();
-    pairs.retain(|_| differ.next() == Some(true));
-    Ok(pairs)
+    let is_one = |column: &usize| {
+        let texts = &texts[*column];
+        let varies = texts.windows(2).any(|pair| pair[0] != pair[1]);
+        native[*column] || texts.len() * 10 >= count * 9 && varies && are_times(texts, &head.numbers)
+    };
+    let found: Vec<usize> = (0..head.names.len()).filter(is_one).collect();
+    let preferred = |column: &&usize| {
+        let name = head.names[**column].to_lowercase();
+        name.contains("source") || name.contains("utc")
+    };
+    Ok(found.iter().find(preferred).or(found.first()).copied())
 }
 
 /// Whether the first column holds numbers that rise from record to record.

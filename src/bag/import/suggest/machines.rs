@@ -10,6 +10,8 @@ type Pairs = BTreeMap<(String, String), Vec<(usize, usize, usize)>>;
 /// Signals that must differ by the same two words: numbers and letters, and other words, which also tell signals apart.
 const FEWEST: usize = 2;
 const FEWEST_WORDS: usize = 3;
+/// A name may have so many words more than the same of another machine.
+const MOST_WORDS_MORE: usize = 3;
 /// More columns are not compared with each other.
 const MOST_COLUMNS: usize = 400;
 
@@ -76,18 +78,23 @@ pub(super) fn machines<'a>(names: impl Iterator<Item = &'a str>) -> Machines {
     Machines { words: said, of }
 }
 
-/// Signals that hold the same twice, once with a word more: `Y_CMD` and `Y_CMD_2`. Two that do may be two transducers of one machine.
+/// Signals that hold the same twice, once with a word more or with some: `Y_CMD` and `Y_CMD_2`, `/command` and `/unit5/command`. Two that do may be two
+/// transducers of one machine.
 fn with_a_word_more(names: &[Vec<String>]) -> Machines {
-    let mut found: BTreeMap<&str, Vec<(usize, usize)>> = BTreeMap::new();
+    let mut found: BTreeMap<String, Vec<(usize, usize)>> = BTreeMap::new();
     for (second, longer) in names.iter().enumerate() {
-        for (place, word) in longer.iter().enumerate().filter(|(_, word)| tells_machines(word)) {
-            let without = |shorter: &&Vec<String>| {
-                shorter.len() + 1 == longer.len()
-                    && shorter[..place] == longer[..place]
-                    && shorter[place..] == longer[place + 1..]
-            };
-            if let Some(first) = names.iter().position(|shorter| without(&shorter)) {
-                found.entry(word).or_default().push((first, second));
+        for count in 1..=MOST_WORDS_MORE {
+            for (place, more) in longer.windows(count).enumerate() {
+                let tells = more.iter().any(|word| tells_machines(word));
+                let pure = count > 1 || more.iter().all(|word| tells_machines(word));
+                let without = |shorter: &&Vec<String>| {
+                    shorter.len() + count == longer.len()
+                        && shorter[..place] == longer[..place]
+                        && shorter[place..] == longer[place + count..]
+                };
+                if let Some(first) = names.iter().position(|shorter| without(&shorter)).filter(|_| tells && pure) {
+                    found.entry(more.join(" ")).or_default().push((first, second));
+                }
             }
         }
     }
@@ -97,7 +104,28 @@ fn with_a_word_more(names: &[Vec<String>]) -> Machines {
     for (first, second) in pairs {
         (of[first], of[second]) = (Some(0), Some(1));
     }
-    Machines { words: vec![format!("without {word}"), word.to_owned()], of }
+    Machines { words: vec![format!("without {word}"), word], of }
+}
+
+/// Two of the signals of one proposal whose names have different numbers behind the same word, or before everything else, as names of several machines
+/// have. Numbers that no two signals share are those of channels.
+pub(super) fn two_machines(names: &[&str]) -> Option<(String, String)> {
+    let mut found: BTreeMap<Option<String>, Vec<(String, usize)>> = BTreeMap::new();
+    for (name, text) in names.iter().enumerate() {
+        let words = words(&without_indices(text));
+        let first = words.iter().position(|word| word.bytes().all(|byte| byte.is_ascii_digit()));
+        // A number behind everything else counts transducers, and one behind another number parts of a machine.
+        if let Some(place) = first.filter(|place| place + 1 < words.len()) {
+            let before = place.checked_sub(1).and_then(|before| words.get(before)).cloned();
+            found.entry(before).or_default().push((words[place].clone(), name));
+        }
+    }
+    found.into_values().find_map(|numbers| {
+        let count = |number: &String| numbers.iter().filter(|(other, _)| other == number).count();
+        let (most, first) = numbers.iter().max_by_key(|(number, _)| count(number))?;
+        let (_, other) = numbers.iter().find(|(number, name)| number != most && name != first)?;
+        (count(most) > 1).then(|| (format!("`{}`", names[*first]), format!("`{}`", names[*other])))
+    })
 }
 
 /// The words that belong together and tell most columns apart.
@@ -177,10 +205,37 @@ mod tests {
                 &["without 2", "2"],
                 &[0, 0, 0, 1, 1, 1, 2][..],
             ),
+            (
+                &[
+                    "/governor/command.opening",
+                    "/plant/state.spool",
+                    "/plant/state.servo",
+                    "/unit5/governor/command.opening",
+                    "/unit5/plant/state.spool",
+                    "/unit5/plant/state.servo",
+                ],
+                &["without unit 5", "unit 5"],
+                &[0, 0, 0, 1, 1, 1][..],
+            ),
         ] {
             let (found, own) = of(names);
             assert_eq!(found, words, "{names:?}");
             assert_eq!(own.iter().map(|machine| machine.unwrap_or(2)).collect::<Vec<_>>(), machines, "{names:?}");
+        }
+    }
+
+    #[test]
+    fn a_proposal_of_two_machines_is_seen() {
+        for (names, two) in [
+            (&["U5_Y_CMD [%]", "U3_Y_POS [%]", "U3_SPOOL [%]"][..], true),
+            (&["/unit3/governor/command.opening", "/unit5/plant/state.spool", "/unit5/plant/state.servo"], true),
+            (&["10MEB CMD", "20MEB POS", "20MEB SPOOL"], true),
+            (&["AI1_CMD", "AI2_POS", "AI3_SPOOL"], false),
+            (&["U3_Y_CMD", "U3_Y", "U3_P1", "U3_P2"], false),
+            (&["MEB10 CG001 pos", "MEB10 CG001 cmd", "MEB10 CG002 spool"], false),
+            (&["cmd", "servo", "spool"], false),
+        ] {
+            assert_eq!(two_machines(names).is_some(), two, "{names:?}");
         }
     }
 

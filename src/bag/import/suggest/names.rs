@@ -3,152 +3,10 @@
 use crate::import::convert::{at_end_of_name, with_capital_at_end_of};
 use crate::import::row::Target;
 
-/// Words of names with what they speak for, and how much. Those of up to three letters count only as whole words.
-const WORDS: &[(Target, &[(&str, f64)])] = &[
-    (
-        Target::OpeningCommand,
-        &[
-            ("opening_command", 6.0),
-            ("governorcommand", 4.0),
-            ("command", 3.0),
-            ("cmd", 3.0),
-            ("setpoint", 3.0),
-            ("set_point", 3.0),
-            ("sp", 2.5),
-            ("soll", 3.5),
-            ("demand", 3.0),
-            ("reference", 2.0),
-            ("ref", 2.0),
-            ("desired", 2.0),
-            ("target", 2.0),
-            ("consigne", 3.0),
-            ("consigna", 3.0),
-            ("ypid", 4.0),
-            ("y_pid", 4.0),
-            ("leitapparat", 1.0),
-            ("gate", 1.0),
-            ("opening", 1.0),
-        ],
-    ),
-    (
-        Target::Esv,
-        &[
-            ("esv", 5.0),
-            ("esd", 5.0),
-            ("trip", 4.0),
-            ("emergency", 4.0),
-            ("shutdown", 3.0),
-            ("notschluss", 5.0),
-            ("schnellschluss", 5.0),
-            ("not_aus", 4.0),
-            ("notaus", 4.0),
-            ("estop", 4.0),
-            ("e_stop", 4.0),
-            ("86", 3.0),
-            ("urgence", 4.0),
-            ("arret", 3.0),
-            ("disparo", 4.0),
-            ("stop", 2.0),
-        ],
-    ),
-    (
-        Target::TankPressure,
-        &[
-            ("tank", 3.0),
-            ("accumulator", 4.0),
-            ("accu", 2.0),
-            ("windkessel", 5.0),
-            ("speicher", 3.0),
-            ("supply", 2.0),
-            ("pressure", 2.0),
-            ("druck", 2.0),
-            ("pression", 2.0),
-            ("presion", 2.0),
-            ("press", 2.0),
-            ("oil", 1.0),
-            ("oilp", 2.0),
-            ("p", 1.0),
-        ],
-    ),
-    (
-        Target::SpoolPosition,
-        &[
-            ("spool", 5.0),
-            ("distributing", 4.0),
-            ("hauptsteuer", 5.0),
-            ("steuerkolben", 5.0),
-            ("steuerventil", 4.0),
-            ("steuerschieber", 5.0),
-            ("main_valve", 4.0),
-            ("mainvalve", 4.0),
-            ("relay_valve", 4.0),
-            ("mdv", 4.0),
-            ("hsv", 4.0),
-            ("tiroir", 4.0),
-            ("lvdt", 2.0),
-            ("slide", 2.0),
-            ("schieber", 3.0),
-        ],
-    ),
-    (
-        Target::ServomotorPosition,
-        &[
-            ("servomotor", 5.0),
-            ("servo", 2.0),
-            ("wicket", 3.0),
-            ("guide_vane", 4.0),
-            ("guidevane", 4.0),
-            ("gate", 2.0),
-            ("gv", 2.0),
-            ("leitapparat", 4.0),
-            ("leitrad", 4.0),
-            ("vannage", 4.0),
-            ("distributeur", 4.0),
-            ("ist", 2.5),
-            ("istwert", 2.5),
-            ("feedback", 2.0),
-            ("actual", 2.0),
-            ("measured", 1.0),
-            ("opening", 2.0),
-            ("displacement", 2.0),
-            ("piston", 3.0),
-            ("cylinder", 3.0),
-            ("stroke", 1.5),
-            ("hub", 1.0),
-            ("position", 1.0),
-            ("pos", 1.0),
-            ("y", 1.0),
-        ],
-    ),
-    (
-        Target::PilotValvePosition,
-        &[
-            ("pilot", 4.0),
-            ("proportional", 4.0),
-            ("prop", 2.0),
-            ("servovalve", 3.0),
-            ("servo_valve", 3.0),
-            ("vorsteuer", 5.0),
-            ("pv", 2.0),
-            ("coil", 2.0),
-            ("valve_current", 3.0),
-        ],
-    ),
-    (
-        Target::ControlPressure,
-        &[
-            ("control_pressure", 6.0),
-            ("steuerdruck", 6.0),
-            ("pilot_pressure", 5.0),
-            ("chamber", 3.0),
-            ("p_ctrl", 5.0),
-            ("p_control", 5.0),
-        ],
-    ),
-];
+use super::signal_words::WORDS;
 
 /// Words of quantities that are none of the signals.
-const OTHERS: [&str; 26] = [
+const OTHERS: [&str; 34] = [
     "speed",
     "drehzahl",
     "vitesse",
@@ -175,10 +33,19 @@ const OTHERS: [&str; 26] = [
     "mw",
     "velocity",
     "effort",
+    "runner",
+    "laufrad",
+    "laufschaufel",
+    "limit",
+    "转速",
+    "频率",
+    "转轮",
+    "桨叶",
 ];
 
 /// Words of a quantity that has another source than the one that a position has: they speak against all positions.
-const PRESSURES: [&str; 5] = ["pressure", "druck", "pression", "presion", "press"];
+const PRESSURES: [&str; 10] =
+    ["pressure", "druck", "pression", "presion", "press", "trykk", "tryck", "давлен", "压力", "油压"];
 
 /// Words of pressures that are not the tank's, where nothing else says that they are.
 const NOT_OF_TANK: [&str; 9] =
@@ -253,7 +120,7 @@ pub(super) fn unit(name: &str) -> &'static str {
 pub(super) fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
-    for letter in name.replace('ß', "ss").chars() {
+    for letter in name.replace('ß', "ss").chars().map(without_accent) {
         let parts =
             (before.is_lowercase() && letter.is_uppercase()) || (before.is_ascii_digit() != letter.is_ascii_digit());
         if !letter.is_alphanumeric() || parts {
@@ -268,6 +135,20 @@ pub(super) fn words(name: &str) -> Vec<String> {
     }
     words.retain(|word| !word.is_empty());
     words
+}
+
+/// A Latin letter without its accent, as other spellings of a word have it.
+fn without_accent(letter: char) -> char {
+    match letter {
+        'à'..='å' | 'À'..='Å' => 'a',
+        'ç' | 'Ç' => 'c',
+        'è'..='ë' | 'È'..='Ë' => 'e',
+        'ì'..='ï' | 'Ì'..='Ï' => 'i',
+        'ñ' | 'Ñ' => 'n',
+        'ò'..='ö' | 'ø' | 'Ò'..='Ö' | 'Ø' => 'o',
+        'ù'..='ü' | 'Ù'..='Ü' => 'u',
+        other => other,
+    }
 }
 
 #[cfg(test)]
@@ -323,6 +204,25 @@ mod tests {
             ("Notschluss", Target::Esv),
             ("/governor/esv.state", Target::Esv),
             ("Pilot valve position", Target::PilotValvePosition),
+            ("Consigne ouverture", Target::OpeningCommand),
+            ("Ledeapparat referanse", Target::OpeningCommand),
+            ("Riferimento apertura", Target::OpeningCommand),
+            ("导叶开度给定", Target::OpeningCommand),
+            ("导叶开度反馈", Target::ServomotorPosition),
+            ("接力器行程", Target::ServomotorPosition),
+            ("Ledeapparat posisjon", Target::ServomotorPosition),
+            ("Abertura distribuidor", Target::ServomotorPosition),
+            ("Válvula distribuidora", Target::SpoolPosition),
+            ("主配压阀位移", Target::SpoolPosition),
+            ("Hovedventil", Target::SpoolPosition),
+            ("Oljetrykk", Target::TankPressure),
+            ("压油罐油压", Target::TankPressure),
+            ("Presión aceite", Target::TankPressure),
+            ("Déclenchement", Target::Esv),
+            ("Arrêt urgence", Target::Esv),
+            ("紧急停机", Target::Esv),
+            ("Parada de emergência", Target::Esv),
+            ("SS ausgelöst", Target::Esv),
         ] {
             assert_eq!(best(name), Some(target), "{name}: {:?}", Target::ALL.map(|target| score(name, target)));
         }
@@ -335,6 +235,8 @@ mod tests {
             "u",
             "status word",
             "/joint_states.velocity[servomotor]",
+            "Runner blade",
+            "转速",
         ] {
             assert_eq!(best(name), None, "{name}: {:?}", Target::ALL.map(|target| score(name, target)));
         }

@@ -2,13 +2,14 @@
 
 use super::column::SuggestedColumn;
 use super::names::words;
-use super::trip::running_states;
+use super::trip::{TripSign, running_states, sign_of_trip};
 use crate::import::convert::{plain, pressure, share};
 use crate::import::map::{SignalMap, SignalPlace, TripRule};
 use crate::import::row::Target;
 
 /// Units that a pressure without one may have, Pa, with the range in which governors work.
-const PRESSURES_PA: [(&str, f64); 4] = [("bar", 1e5), ("MPa", 1e6), ("Pa", 1.0), ("kPa", 1e3)];
+const PRESSURES_PA: [(&str, f64); 5] =
+    [("bar", 1e5), ("MPa", 1e6), ("Pa", 1.0), ("kPa", 1e3), ("psi", 6_894.757_293_168)];
 const USUAL_PA: [f64; 2] = [1.5e6, 2.5e7];
 
 /// The unit in which a pressure of this size is one of a governor.
@@ -34,6 +35,12 @@ pub(super) fn signal(
     match target {
         Target::Esv => {
             let by_data = servomotor.and_then(|servomotor| trip_by_data(column, servomotor));
+            if servomotor.is_some_and(|servomotor| sign_of_trip(column, servomotor) == TripSign::Pulses) {
+                signal.latch = true;
+                open.push(
+                    "esv: the trip is a pulse, after which the servomotor closes and stays closed: the map keeps it (`latch: true`)".to_owned(),
+                );
+            }
             signal.shutdown = vec![TripRule::Is(by_data.unwrap_or_else(|| {
                 let (state, told) = trip_state(column);
                 open.push(told);
@@ -49,15 +56,15 @@ pub(super) fn signal(
                 ));
             } else if pressure(&column.unit).is_some() {
                 signal.unit.clone_from(&column.unit);
-            } else if let Some((unit, _)) = guessed_pressure(most) {
-                unit.clone_into(&mut signal.unit);
-                open.push(format!("{id}: the file states no unit; up to {} looks like {unit}", rounded(most)));
             } else {
-                "Pa".clone_into(&mut signal.unit);
-                open.push(format!(
-                    "{id}: the file states no unit, and up to {} is none of a governor's oil in any; give it",
-                    rounded(most)
-                ));
+                let stated = unknown_unit(&column.name)
+                    .map_or("the file states no unit".to_owned(), |unit| format!("its unit `{unit}` is not known"));
+                let (unit, looks) = match guessed_pressure(most) {
+                    Some((unit, _)) => (unit, format!("looks like {unit}")),
+                    None => ("Pa", "is none of a governor's oil in any; give it".to_owned()),
+                };
+                unit.clone_into(&mut signal.unit);
+                open.push(format!("{id}: {stated}; up to {} {looks}", rounded(most)));
             }
         }
         _ => {
@@ -106,6 +113,13 @@ pub(super) fn signal(
         signal.conversion.unit = unit;
     }
     signal
+}
+
+/// What stands in brackets behind a name, or behind its last stroke, and has a letter.
+fn unknown_unit(name: &str) -> Option<&str> {
+    let name = name.trim();
+    let inside = name.strip_suffix([']', ')']).and_then(|rest| rest.split_once(['[', '(']));
+    inside.map(|(_, unit)| unit.trim()).filter(|unit| unit.contains(char::is_alphabetic))
 }
 
 /// The range of a current up to 20 mA, in the unit of the column.

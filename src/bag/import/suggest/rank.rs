@@ -2,11 +2,12 @@
 
 use super::Suggestion;
 use super::column::SuggestedColumn;
-use super::machines::machines;
+use super::machines::{machines, two_machines};
 use super::names::score;
 use super::propose::{guessed_pressure, rounded, signal};
 use super::relations::{Relation, WEAKEST, pairs, relations};
 use super::trio::best_trio;
+use super::trip::{TripSign, sign_of_trip};
 use crate::import::convert::{is_travel, pressure, share};
 use crate::import::map::{Map, SignalMap, SignalPlace};
 use crate::import::row::Target;
@@ -73,6 +74,8 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
             None => absent(target, &chosen, &mut map, &mut reasons, &mut open),
         }
     }
+    open.extend(may_be_trip(&columns, &chosen));
+    open.extend(several_machines(&columns, &chosen));
     open.extend(competing(&columns, &related, &relations, &chosen));
     open.extend(by_course_alone(&columns, &chosen));
     let (pairs, speed) =
@@ -129,7 +132,19 @@ fn choose(columns: &[SuggestedColumn], own: &Evidence, allowed: &dyn Fn(usize) -
         let taken = |column: usize| chosen.iter().flatten().any(|(known, ..)| *known == column);
         let free =
             (0..columns.len()).filter(|column| allowed(*column) && !taken(*column) && score(*column, target) >= ENOUGH);
-        let found = free.max_by(|a, b| score(*a, target).total_cmp(&score(*b, target)).then(b.cmp(a)));
+        // Of several columns of trips the one that shows trips counts before the one with the better name.
+        let servomotor = chosen[Target::ServomotorPosition.place()].as_ref().map(|(column, ..)| *column);
+        let shown = |column: usize| match servomotor.filter(|_| target == Target::Esv) {
+            Some(servomotor) => match sign_of_trip(&columns[column], &columns[servomotor]) {
+                TripSign::Trips | TripSign::Pulses => 2,
+                TripSign::Nothing => 1,
+                TripSign::Runs => 0,
+            },
+            None => 0,
+        };
+        let found = free.max_by(|a, b| {
+            (shown(*a).cmp(&shown(*b))).then(score(*a, target).total_cmp(&score(*b, target))).then(b.cmp(a))
+        });
         chosen[target.place()] = found.map(|column| {
             let (sum, why) = own[column][target.place()].clone();
             (column, sum, why)
@@ -163,6 +178,36 @@ fn competing(
             columns[servomotor].name
         )
     })
+}
+
+/// Columns of two states that by what the servomotor does in them may be that of trips, where none is called so.
+fn may_be_trip(columns: &[SuggestedColumn], chosen: &[Choice]) -> Option<String> {
+    let of = |target: Target| chosen[target.place()].as_ref().map(|(column, ..)| *column);
+    let servomotor = &columns[of(Target::ServomotorPosition)?];
+    of(Target::OpeningCommand)?;
+    let taken = |column: usize| chosen.iter().flatten().any(|(known, ..)| *known == column);
+    let shows = |column: &usize| {
+        let sign = sign_of_trip(&columns[*column], servomotor);
+        !taken(*column) && matches!(sign, TripSign::Trips | TripSign::Pulses)
+    };
+    let names: Vec<String> =
+        (0..columns.len()).filter(shows).map(|column| format!("`{}`", columns[column].name)).collect();
+    (of(Target::Esv).is_none() && !names.is_empty()).then(|| {
+        format!(
+            "esv: no column is called so, and the map says that it never tripped; {} changes its state, in one of which the servomotor does not \
+             open; if that is the trip, give `esv: {{column: …, shutdown: …}}`",
+            names.join(", ")
+        )
+    })
+}
+
+/// Signals whose names say that they are of two machines, as `U3_Y` and `U5_Y_CMD` do, where no machine has all of them.
+fn several_machines(columns: &[SuggestedColumn], chosen: &[Choice]) -> Option<String> {
+    let names: Vec<&str> = chosen.iter().flatten().map(|(column, ..)| columns[*column].name.as_str()).collect();
+    let (one, other) = two_machines(&names)?;
+    Some(format!(
+        "machines: by their names the signals of the map are of two machines, {one} and {other}; take those of one, or make sure that they are"
+    ))
 }
 
 /// A command and its servomotor that no name and no unit speak for.

@@ -14,7 +14,7 @@ use crate::import::source::table::TableSource;
 /// Tables with one value a line have few columns.
 const MOST_WIDE: usize = 12;
 /// Names that the column of the signals' names has.
-const TAGS: [&str; 24] = [
+const TAGS: [&str; 38] = [
     "tag",
     "tagname",
     "tag name",
@@ -39,6 +39,20 @@ const TAGS: [&str; 24] = [
     "bezeichnung",
     "nom",
     "sensor",
+    "data item",
+    "dataitem",
+    "tag id",
+    "tagid",
+    "point id",
+    "item id",
+    "@ostr tag",
+    "etiqueta",
+    "nome",
+    "variável",
+    "标签",
+    "测点",
+    "测点名称",
+    "名称",
 ];
 /// Names that the column of units has.
 const UNITS: [&str; 7] = ["unit", "units", "einheit", "engunits", "eu", "uom", "unité"];
@@ -97,7 +111,10 @@ pub(super) fn columns<R: TableRecords>(
     let named_value =
         |column: &usize| named(*column, &["value", "wert", "_value", "val", "varvalue", "valeur", "valor"]);
     let value = free.clone().find(named_value).or_else(|| {
-        free.filter(|column| Some(*column) != quality)
+        // Several columns of numbers are those of several signals, whatever the name beside them is of.
+        let several =
+            free.clone().filter(|column| Some(*column) != quality && numbers[*column] * 2 > count).count() > 1;
+        free.filter(|column| Some(*column) != quality && !several)
             .max_by_key(|column| (numbers[*column], std::cmp::Reverse(*column)))
     });
     Ok(value.map(|value| TallColumns { tag, value, unit }))

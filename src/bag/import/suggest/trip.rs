@@ -1,6 +1,6 @@
 //! What the states of a trip column mean, by what the servomotor does in each: a machine that is shut down closes and stays closed.
 
-use super::column::SuggestedColumn;
+use super::column::{Bucket, SuggestedColumn};
 
 /// A servomotor that opens by more than this share of its range is not shut down, even after an interpolated bucket.
 const OPENS: f64 = 0.03;
@@ -41,4 +41,55 @@ pub(super) fn running_states(states: &SuggestedColumn, servomotor: &SuggestedCol
         }
     }
     found
+}
+
+/// What a column of two states shows of trips beside a servomotor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TripSign {
+    /// It changes, and the servomotor runs in one of its states alone.
+    Trips,
+    /// The same in pulses: the servomotor closes and stays closed although the state returns.
+    Pulses,
+    /// The servomotor runs in both states.
+    Runs,
+    /// It never changes, or nothing shows.
+    Nothing,
+}
+
+/// What a column of two states shows beside a servomotor.
+pub(super) fn sign_of_trip(states: &SuggestedColumn, servomotor: &SuggestedColumn) -> TripSign {
+    let changes = if states.range.count == 0 { states.words.len() > 1 } else { states.distinct.len() > 1 };
+    let running = running_states(states, servomotor);
+    let [normal] = running[..] else {
+        return if running.is_empty() { TripSign::Nothing } else { TripSign::Runs };
+    };
+    if !changes || !states.is_binary() {
+        return TripSign::Nothing;
+    }
+    let is_normal = |bucket: &Bucket| [bucket.least, bucket.most].map(f64::to_bits) == [normal.to_bits(); 2];
+    let others: Vec<i64> =
+        states.envelope.points().filter(|(_, bucket)| !is_normal(bucket)).map(|(at_ns, _)| at_ns).collect();
+    match (others.first(), others.last()) {
+        (Some(first_ns), Some(last_ns)) if last_ns.saturating_sub(*first_ns) > SETTLES_NS => TripSign::Trips,
+        // Moments alone.
+        (Some(first_ns), Some(last_ns)) if closes_after(servomotor, *first_ns, *last_ns) => TripSign::Pulses,
+        _ => TripSign::Nothing,
+    }
+}
+
+/// Whether a servomotor that was open before a moment closes after it, for so long as the file goes on, and opens no more.
+fn closes_after(servomotor: &SuggestedColumn, first_ns: i64, last_ns: i64) -> bool {
+    let span = servomotor.range.span().max(f64::MIN_POSITIVE);
+    let (mut before, mut lowest, mut rose) = (f64::NAN, f64::INFINITY, 0.0_f64);
+    for (at_ns, bucket) in servomotor.envelope.points() {
+        if at_ns <= first_ns {
+            before = bucket.mean();
+        } else if at_ns > last_ns {
+            lowest = lowest.min(bucket.mean());
+            rose = rose.max(bucket.mean() - lowest);
+        }
+    }
+    let [least, _] = servomotor.range.ends();
+    // Closed: a servomotor that stays where it is was not tripped.
+    before - lowest > OPEN * span && rose < OPENS * span && lowest - least < OPENS * span
 }

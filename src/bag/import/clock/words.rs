@@ -1,0 +1,102 @@
+//! Words in times: months, halves of the day and abbreviations of zones.
+
+use jiff::tz::Offset;
+
+/// Beginnings of the names of months, in the order of the year: English, German, French, Italian, Spanish and Portuguese, Scandinavian, Dutch.
+const MONTHS: [(&str, &[&str]); 12] = [
+    ("Jan", &["jan", "jän", "gen", "ene"]),
+    ("Feb", &["feb", "fév", "fev"]),
+    ("Mar", &["mar", "mär", "mrz", "maa", "mrt"]),
+    ("Apr", &["apr", "avr", "abr"]),
+    ("May", &["may", "mai", "maj", "mei", "mag"]),
+    ("Jun", &["jun", "juin", "giu"]),
+    ("Jul", &["jul", "juil", "lug"]),
+    ("Aug", &["aug", "aoû", "aou", "ago"]),
+    ("Sep", &["sep", "set"]),
+    ("Oct", &["oct", "okt", "ott", "out"]),
+    ("Nov", &["nov"]),
+    ("Dec", &["dec", "dez", "déc", "dic", "des"]),
+];
+/// Halves of the day as people write them besides `AM` and `PM`.
+const HALVES: [(&str, &str); 8] = [
+    ("a. m.", "AM"),
+    ("p. m.", "PM"),
+    ("a.m.", "AM"),
+    ("p.m.", "PM"),
+    ("a.\u{a0}m.", "AM"),
+    ("p.\u{a0}m.", "PM"),
+    ("上午", "AM"),
+    ("下午", "PM"),
+];
+/// Abbreviations of zones that mean one offset alone, h.
+const ZONES: [(&str, i8); 10] = [
+    ("UTC", 0),
+    ("GMT", 0),
+    ("WET", 0),
+    ("WEST", 1),
+    ("CET", 1),
+    ("MEZ", 1),
+    ("CEST", 2),
+    ("MESZ", 2),
+    ("EET", 2),
+    ("EEST", 3),
+];
+
+/// The same with the names of months and halves of the day in English, short.
+pub(super) fn english(text: &str) -> String {
+    let text = HALVES.iter().fold(text.to_owned(), |text, (of_others, half)| {
+        if text.to_lowercase().contains(of_others) { text.to_lowercase().replace(of_others, half) } else { text }
+    });
+    let mut out = String::with_capacity(text.len());
+    let mut word = String::new();
+    let mut letters = text.chars().peekable();
+    while let Some(letter) = letters.next() {
+        if letter.is_alphabetic() {
+            word.push(letter);
+            if letters.peek().is_some_and(|next| next.is_alphabetic()) {
+                continue;
+            }
+            let lower = word.to_lowercase();
+            let month = MONTHS.iter().find(|(_, begins)| begins.iter().any(|begin| lower.starts_with(begin)));
+            out.push_str(month.map_or(&word, |(month, _)| month));
+            // A point behind an abbreviation.
+            if month.is_some() {
+                letters.next_if_eq(&'.');
+            }
+            word.clear();
+        } else if letter == '.' && letters.peek() == Some(&' ') {
+            // A point behind the number of a day.
+        } else {
+            out.push(letter);
+        }
+    }
+    out
+}
+
+/// A local time and the offset that the abbreviation behind it means.
+pub(super) fn with_zone(text: &str) -> Option<(&str, Offset)> {
+    let (local, word) = text.rsplit_once([' ', '\u{a0}'])?;
+    let (_, hours) = ZONES.iter().find(|(zone, _)| *zone == word)?;
+    Some((local.trim_end(), Offset::from_hours(*hours).ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn months_and_halves_of_the_day_are_english() {
+        for (text, expected) in [
+            ("22. Mai 2026 18:38:20.5", "22 May 2026 18:38:20.5"),
+            ("22-Okt-26 18:38:20", "22-Oct-26 18:38:20"),
+            ("22 sept. 2026 18:38", "22 Sep 2026 18:38"),
+            ("1 de août 2026", "1 de Aug 2026"),
+            ("05/13/2024 1:00:00 p. m.", "05/13/2024 1:00:00 PM"),
+            ("5/13/2024 1:00:00 PM", "5/13/2024 1:00:00 PM"),
+        ] {
+            assert_eq!(english(text), expected);
+        }
+        assert_eq!(with_zone("2026-09-22 18:38:20 CEST").unwrap().1.seconds(), 7200);
+        assert!(with_zone("2026-09-22 18:38:20").is_none());
+    }
+}
