@@ -45,6 +45,8 @@ pub struct NormalEquations {
     log_precision: f64,
     /// What each recording has to say.
     parts: Vec<RecordingNormal>,
+    /// Free parameters that are held at a bound: they follow nothing.
+    held: Vec<usize>,
 }
 
 /// One recording's part in the normal equations of the free parameters.
@@ -110,12 +112,13 @@ impl Shared {
         hessian.fill_lower_triangle_with_upper_triangle();
         let (median, spread) = SIZE_PRIOR;
         let (mut sizes, mut log_precision) = (0.0, 0.0);
+        let mut held = Vec::new();
         for (k, free_parameter) in model.free_parameters.iter().enumerate() {
             let position = model.fit.positions[k];
             gradient[k] += free_parameter.prior_centre().map_or(0.0, |centre| position - centre);
             let (low, high) = free_parameter.range(&model.base);
-            // A parameter on its bound does not follow.
             if free_parameter.prior_centre().is_some() && (position <= low || position >= high) && low < high {
+                held.push(k);
                 hessian.row_mut(k).fill(0.0);
                 hessian.column_mut(k).fill(0.0);
                 gradient[k] = 0.0;
@@ -139,7 +142,8 @@ impl Shared {
             hessian[(k, k)] += precision;
             log_precision += precision.ln();
         }
-        NormalEquations { cost: model.fit.cost(), slopes: n, terms: b, hessian, gradient, sizes, log_precision, parts }
+        let cost = model.fit.cost();
+        NormalEquations { cost, slopes: n, terms: b, hessian, gradient, sizes, log_precision, parts, held }
     }
 }
 

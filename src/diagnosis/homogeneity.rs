@@ -10,7 +10,7 @@ use crate::model::FittedModel;
 use nalgebra::DMatrix;
 
 /// Work of the fit to some of the recordings.
-const ALONE: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
+const ALONE: Effort = Effort { rounds: 6, refresh: 3, ..Effort::FULL };
 
 /// What recordings must gain by parameters of their own to be of different units, in halves of a log-likelihood.
 const STRANGE: f64 = 60.0;

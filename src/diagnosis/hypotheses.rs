@@ -246,20 +246,19 @@ impl<'a> Exploration<'a> {
                 jobs.extend(proposals.into_iter().map(|proposal| (point, proposal)));
             }
             jobs.extend(explorer.narrowed(&leader.model, sheet));
-            let runners_up: Vec<Hypothesis> = known
-                .ordered()
-                .into_iter()
-                .filter(|one| {
-                    one.effects.len() > 1 && one.effects != leader.effects && !one.model.fit.slopes.is_empty()
-                })
-                .take(RUNNERS_UP)
-                .cloned()
-                .collect();
-            for one in &runners_up {
+            let behind = known.ordered().into_iter().filter(|one| {
+                one.effects.len() > 1 && one.effects != leader.effects && !one.model.fit.slopes.is_empty()
+            });
+            for one in behind.take(RUNNERS_UP) {
                 let is_open = |effects: &[usize]| known.fitted.get(effects).is_none_or(|one| !one.refined);
                 jobs.extend(explorer.lessened(&one.model, is_open));
             }
-            for hypothesis in explorer.scouted(&jobs) {
+            for (pair, other) in known.to_unite() {
+                jobs.extend(explorer.widened(other, &pair.model));
+            }
+            let found = explorer.scouted(&jobs);
+            drop(jobs);
+            for hypothesis in found {
                 known.take(hypothesis);
             }
             known.refine(&explorer);

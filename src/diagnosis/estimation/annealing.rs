@@ -15,7 +15,7 @@ pub fn annealed<C: Coordinate>(
     starts: &[Vec<f64>],
     rounds: usize,
 ) -> Vec<Fit> {
-    let effort = |temperature| Effort { rounds, refresh: 2, temperature };
+    let effort = |temperature| Effort { rounds, refresh: 2, temperature, ..Effort::FULL };
     let mut hot = Vec::new();
     for positions in starts {
         hot.push(Start { base, coordinates, positions, effort: effort(TEMPERATURES[0]), known: None });

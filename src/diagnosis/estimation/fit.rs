@@ -7,7 +7,7 @@ use crate::estimation::coordinate::{Coordinate, Judge, Residuals, prior_square, 
 use crate::estimation::descent::{correct, step};
 use crate::estimation::linear::normal;
 
-/// Step of a forward difference, in units of a coordinate.
+/// Step of a forward difference where nothing is rough, in units of a coordinate.
 const DIFFERENCE: f64 = 0.05;
 
 /// A fit: positions of the coordinates, what it cost, and the local picture around it.
@@ -48,10 +48,13 @@ fn stepped<C: Coordinate>(
     coordinates: &[C],
     positions: &[f64],
     first: usize,
+    difference: f64,
 ) -> (Vec<C::Subject>, Vec<f64>) {
     let of = |k: usize| {
         let mut moved = positions.to_vec();
-        let step = if positions[k] + DIFFERENCE > coordinates[k].range(base).1 { -DIFFERENCE } else { DIFFERENCE };
+        let (low, high) = coordinates[k].range(base);
+        let down = difference.min((positions[k] - low).max(DIFFERENCE));
+        let step = if positions[k] + difference > high { -down } else { difference };
         moved[k] += step;
         (subject_at(base, coordinates, &moved), step)
     };
@@ -80,7 +83,7 @@ pub fn slopes<C: Coordinate>(
     first: usize,
     at: &Residuals,
 ) -> Vec<DMatrix<f64>> {
-    let (subjects, steps) = stepped(base, coordinates, positions, first);
+    let (subjects, steps) = stepped(base, coordinates, positions, first, DIFFERENCE);
     secants(&data.residuals_of(&subjects), &steps, at)
 }
 
@@ -92,7 +95,7 @@ pub fn pictured<C: Coordinate>(
     coordinates: &[C],
     positions: &[f64],
 ) -> (Residuals, Vec<DMatrix<f64>>) {
-    let (mut subjects, steps) = stepped(base, coordinates, positions, 0);
+    let (mut subjects, steps) = stepped(base, coordinates, positions, 0, DIFFERENCE);
     subjects.push(subject_at(base, coordinates, positions));
     let mut moved = data.residuals_of(&subjects);
     let at = moved.pop().unwrap_or_default();
@@ -113,15 +116,17 @@ pub struct Effort {
     /// By what the squares of the residuals are divided: above 1, what is known beforehand weighs more. A fit that cools from a high
     /// temperature gives a strange parameter its due before it stretches familiar ones beyond what the sheet allows.
     pub temperature: f64,
+    /// Step of a forward difference, in units of a coordinate.
+    pub difference: f64,
 }
 
 impl Effort {
     /// Enough to tell whether a model is worth more.
-    pub const SCOUT: Self = Self { rounds: 3, refresh: 100, temperature: 1.0 };
+    pub const SCOUT: Self = Self { rounds: 3, refresh: 100, ..Self::FULL };
     /// A first look, which a scout goes on from.
     pub(crate) const GLANCE: Self = Self { rounds: 1, ..Self::SCOUT };
     /// Enough for the figures of a report.
-    pub(crate) const FULL: Self = Self { rounds: 9, refresh: 3, temperature: 1.0 };
+    pub(crate) const FULL: Self = Self { rounds: 9, refresh: 3, temperature: 1.0, difference: DIFFERENCE };
 }
 
 /// What is to be fitted.
@@ -223,7 +228,7 @@ impl<'a, C: Coordinate> Descent<'a, C> {
     fn new(start: &Start<'a, C>) -> Self {
         let first = start.known.and_then(<[_]>::first).map_or(0, DMatrix::ncols);
         let positions = start.positions.to_vec();
-        let (mut subjects, steps) = stepped(start.base, start.coordinates, &positions, first);
+        let (mut subjects, steps) = stepped(start.base, start.coordinates, &positions, first, start.effort.difference);
         subjects.push(subject_at(start.base, start.coordinates, &positions));
         Self {
             start: *start,
@@ -326,7 +331,7 @@ impl<'a, C: Coordinate> Descent<'a, C> {
         } else {
             coordinates.len()
         };
-        let (subjects, steps) = stepped(base, coordinates, &self.positions, first);
+        let (subjects, steps) = stepped(base, coordinates, &self.positions, first, effort.difference);
         if subjects.is_empty() {
             return self.step();
         }
@@ -343,5 +348,56 @@ impl<'a, C: Coordinate> Descent<'a, C> {
             residuals: self.residuals,
             slopes: self.slopes,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DVector;
+
+    use super::{Effort, Start, fit_all};
+    use crate::estimation::coordinate::{Coordinate, Judge, Residuals};
+
+    /// One number, known to about 1 beforehand.
+    struct Axis;
+
+    impl Coordinate for Axis {
+        type Subject = f64;
+
+        fn range(&self, _: &f64) -> (f64, f64) {
+            (-10.0, 10.0)
+        }
+
+        fn prior_centre(&self) -> Option<f64> {
+            None
+        }
+
+        fn turn(&self, _: &f64, subject: &mut f64, position: f64) {
+            *subject = position;
+        }
+    }
+
+    /// Many residuals that fall to nothing at 3 and are rough on the way, each in its own phase, as samples of a limit cycle are.
+    struct Rough;
+
+    impl Judge<f64> for Rough {
+        fn residuals_of(&self, subjects: &[f64]) -> Vec<Residuals> {
+            let of = |x: f64| {
+                let rough = |k: usize| (60.0 * x + 2.4 * k as f64).sin();
+                vec![DVector::from_fn(50, |k, _| x - 3.0 + rough(k))]
+            };
+            subjects.iter().map(|&x| of(x)).collect()
+        }
+    }
+
+    #[test]
+    fn wide_differences_pass_what_is_rough() {
+        let reached = |difference: f64| {
+            let effort = Effort { rounds: 3, difference, ..Effort::FULL };
+            let start = Start { base: &0.0, coordinates: &[Axis], positions: &[-3.0], effort, known: None };
+            (fit_all(&Rough, &[start])[0].positions[0] - 3.0).abs()
+        };
+        assert!(reached(0.5) < 0.3, "{}", reached(0.5));
+        assert!(reached(0.05) > 1.0, "{}", reached(0.05));
     }
 }

@@ -182,7 +182,7 @@ impl Calibration {
         let squares = normal.parts.iter().fold(DMatrix::zeros(n, n), |sum, part| sum + &part.hessian);
         let mut inverse = Cholesky::new(normal.hessian.view((0, 0), (n, n)).into_owned())?.inverse();
         // A parameter that is held has slopes and does not follow them.
-        for held in (0..n).filter(|&k| squares[(k, k)] == 0.0) {
+        for &held in &normal.held {
             inverse.row_mut(held).fill(0.0);
             inverse.column_mut(held).fill(0.0);
         }
@@ -398,6 +398,7 @@ mod tests {
             sizes: 0.0,
             log_precision: 0.0,
             parts: vec![part],
+            held: vec![3],
         };
         let calibration = Calibration::new(&equations, (KAPPA, 0.0)).unwrap();
         let inverse = (&followed.tr_mul(&followed) + DMatrix::identity(3, 3)).try_inverse().unwrap();

@@ -44,10 +44,13 @@ const PURSUED: usize = 3;
 const TOGETHER: usize = 8;
 
 /// Further steps of such a fit.
-const FURTHER: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
+const FURTHER: Effort = Effort { rounds: 2, refresh: 100, ..Effort::FULL };
 
 /// Work of a careful fit.
-const CAREFUL: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
+const CAREFUL: Effort = Effort { rounds: 6, refresh: 3, ..Effort::FULL };
+
+/// The same by wide differences: limit cycles make χ² rough, and over a small difference the roughness is larger than the slope.
+const WIDE: Effort = Effort { difference: 0.5, ..CAREFUL };
 
 /// Farthest that a proposal moves a free parameter, in its standard deviations.
 const FARTHEST: f64 = 3.0;
@@ -275,22 +278,36 @@ impl<'a> Explorer<'a> {
         (0..model.effects.len()).map(of).filter(is_open).map(|proposal| (model, proposal)).collect()
     }
 
-    /// Proposals of a set from where one that it holds stands: its further effects at nothing, and as large as in its own fit.
+    /// Proposals of what a model and a set hold together, from where the model stands: the set's further effects at nothing, and as large as in its own
+    /// fit.
     pub(super) fn widened<'b>(
         &self,
         set: &Hypothesis,
-        within: &'b Hypothesis,
+        model: &'b FittedModel,
     ) -> impl Iterator<Item = (&'b FittedModel, Proposal)> + use<'b> {
         let mut further = self.members(&set.model, &Proposal::at(&set.model, Vec::new()));
-        further.retain(|(effect, _)| !within.effects.contains(effect));
+        further.retain(|(effect, _)| !model.has(self.catalogue[*effect].id));
         let nothing = further.iter().map(|&(effect, _)| (effect, Variant { size: 0.0, further: 0.0 })).collect();
-        [nothing, further].map(|effects| (&within.model, Proposal::at(&within.model, effects))).into_iter()
+        [nothing, further].map(|effects| (model, Proposal::at(model, effects))).into_iter()
     }
 
-    /// Fits hypotheses on with care.
+    /// Fits hypotheses on with care; where the unit chatters by wide differences too, and once more those that this brought further.
     pub(super) fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
-        let starts: Vec<Start<'_, FreeParameter>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
-        let mut refined = self.better(chosen, fit_all(self.problem, &starts), true);
+        let careful = |some: &[Hypothesis]| {
+            let starts: Vec<Start<'_, FreeParameter>> = some.iter().map(|one| one.model.onwards(CAREFUL)).collect();
+            self.better(some, fit_all(self.problem, &starts), true)
+        };
+        let mut refined = careful(chosen);
+        if self.problem.chatters() {
+            let starts: Vec<Start<'_, FreeParameter>> =
+                refined.iter().map(|one| Start { known: None, ..one.model.onwards(WIDE) }).collect();
+            let wide = self.better(&refined, fit_all(self.problem, &starts), true);
+            let (further, there): (Vec<_>, Vec<_>) =
+                wide.into_iter().zip(refined).partition(|(one, before)| one.model.cost() < before.model.cost());
+            let further: Vec<Hypothesis> = further.into_iter().map(|(one, _)| one).collect();
+            refined = careful(&further);
+            refined.extend(there.into_iter().map(|(_, before)| before));
+        }
         if is_stage_alone(self.problem) {
             refined = refined
                 .into_iter()

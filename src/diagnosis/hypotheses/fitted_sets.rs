@@ -13,6 +13,9 @@ const COMPARED: usize = 3;
 /// By so much a set may cost more than one that it holds before it is fitted anew: less says nothing.
 const UNTOLD: f64 = 1.0;
 
+/// Pairs that are united with the likeliest one each time.
+const UNITED: usize = 2;
+
 /// Fitted sets so far, by their effects.
 #[derive(Default)]
 pub(super) struct KnownSets {
@@ -53,11 +56,26 @@ impl KnownSets {
             let pairs: Vec<(&Hypothesis, &Hypothesis)> =
                 dear.filter_map(|one| Some((one, self.cheaper_within(one)?))).collect();
             let jobs: Vec<(&FittedModel, Proposal)> =
-                pairs.iter().flat_map(|(set, within)| explorer.widened(set, within)).collect();
+                pairs.iter().flat_map(|(set, within)| explorer.widened(set, &within.model)).collect();
             for hypothesis in explorer.scouted(&jobs) {
                 self.take(hypothesis);
             }
         }
+    }
+
+    /// The likeliest pair of effects with each of the next that share one of its effects, where all three together were not fitted with care yet, from
+    /// either end: what a pair leaves may look like another effect than the third.
+    pub(super) fn to_unite(&self) -> Vec<(&Hypothesis, &Hypothesis)> {
+        let pairs = self.ordered().into_iter().filter(|one| one.effects.len() == 2 && one.refined);
+        let pairs: Vec<&Hypothesis> = pairs.filter(|one| !one.model.fit.slopes.is_empty()).collect();
+        let Some((&first, others)) = pairs.split_first() else { return Vec::new() };
+        let is_open = |other: &&&Hypothesis| {
+            let mut all = [first.effects.as_slice(), other.effects.as_slice()].concat();
+            all.sort_unstable();
+            all.dedup();
+            all.len() == MOST && self.fitted.get(&all).is_none_or(|known| !known.refined)
+        };
+        others.iter().filter(is_open).take(UNITED).flat_map(|&other| [(first, other), (other, first)]).collect()
     }
 
     /// Fits with care what leads, or would lead if its fit had ended, and was not yet. No set costs more than one that it holds.

@@ -20,9 +20,9 @@ use govtwin_model::signal::Signal;
 use govtwin_model::units::NORMAL_90;
 
 /// Work of each start, before the noise is laid out anew.
-const ROUGH: Effort = Effort { rounds: 5, refresh: 2, temperature: 1.0 };
+const ROUGH: Effort = Effort { rounds: 5, refresh: 2, ..Effort::FULL };
 /// Work of a round of the polish, whose slopes are given.
-const FINE: Effort = Effort { rounds: 12, refresh: 100, temperature: 1.0 };
+const FINE: Effort = Effort { rounds: 12, refresh: 100, ..Effort::FULL };
 /// Most rounds of the polish, each with slopes from both sides.
 const POLISH_ROUNDS: i32 = 16;
 /// Widths that the polish takes in turn, each half the one before: none sees every way down between small jumps.

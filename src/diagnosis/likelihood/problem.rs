@@ -247,6 +247,12 @@ impl Problem {
         samples as f64 * self.recordings[recording].period_s
     }
 
+    /// Whether any recording holds limit cycles.
+    #[must_use]
+    pub fn chatters(&self) -> bool {
+        (0..self.recordings.len()).any(|recording| self.limit_cycles_s(recording) > 0.0)
+    }
+
     /// Which recordings are in a limit cycle and for how long, in a sentence.
     #[must_use]
     pub fn limit_cycle_note(&self) -> Option<String> {

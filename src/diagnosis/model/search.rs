@@ -25,7 +25,7 @@ pub struct Turned {
 const TURNS: usize = 3;
 
 /// Work of a fit in such a turn.
-const TURN: Effort = Effort { rounds: 4, refresh: 100, temperature: 1.0 };
+const TURN: Effort = Effort { rounds: 4, refresh: 100, ..Effort::FULL };
 
 /// How far further starts lie from the sheet, in standard deviations.
 const SCATTER: f64 = 1.0;

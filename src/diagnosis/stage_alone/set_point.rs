@@ -34,7 +34,7 @@ const PLAYS: [f64; 5] = [0.005, 0.01, 0.02, 0.04, 0.08];
 /// A part that makes the error no smaller than this is not there.
 const LEAST_WORTH: f64 = 1e-3;
 /// Enough for the least error.
-const EFFORT: Effort = Effort { rounds: 40, refresh: 1, temperature: 1.0 };
+const EFFORT: Effort = Effort { rounds: 40, refresh: 1, ..Effort::FULL };
 
 /// The law as fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -38,7 +38,7 @@ const HALVINGS: usize = 4;
 const TELLING: f64 = 0.2;
 
 /// Steps of a fit without a recording, from the fit to all, which is near.
-const REFIT: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
+const REFIT: Effort = Effort { rounds: 2, refresh: 100, ..Effort::FULL };
 
 /// Estimates by recording.
 pub type Estimates = Vec<Vec<Estimate>>;
