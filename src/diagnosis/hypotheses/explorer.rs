@@ -52,6 +52,9 @@ const CAREFUL: Effort = Effort { rounds: 6, refresh: 3, ..Effort::FULL };
 /// The same by wide differences: limit cycles make χ² rough, and over a small difference the roughness is larger than the slope.
 const WIDE: Effort = Effort { difference: 0.5, ..CAREFUL };
 
+/// Sets that are fitted so, each time: all slopes are measured anew.
+const WIDELY: usize = 4;
+
 /// Farthest that a proposal moves a free parameter, in its standard deviations.
 const FARTHEST: f64 = 3.0;
 
@@ -291,7 +294,8 @@ impl<'a> Explorer<'a> {
         [nothing, further].map(|effects| (model, Proposal::at(model, effects))).into_iter()
     }
 
-    /// Fits hypotheses on with care; where the unit chatters by wide differences too, and once more those that this brought further.
+    /// Fits hypotheses on with care, likeliest first; where the unit chatters the first by wide differences too, and once more those that this brought
+    /// further.
     pub(super) fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
         let careful = |some: &[Hypothesis]| {
             let starts: Vec<Start<'_, FreeParameter>> = some.iter().map(|one| one.model.onwards(CAREFUL)).collect();
@@ -299,6 +303,7 @@ impl<'a> Explorer<'a> {
         };
         let mut refined = careful(chosen);
         if self.problem.chatters() {
+            let rest = refined.split_off(WIDELY.min(refined.len()));
             let starts: Vec<Start<'_, FreeParameter>> =
                 refined.iter().map(|one| Start { known: None, ..one.model.onwards(WIDE) }).collect();
             let wide = self.better(&refined, fit_all(self.problem, &starts), true);
@@ -306,7 +311,7 @@ impl<'a> Explorer<'a> {
                 wide.into_iter().zip(refined).partition(|(one, before)| one.model.cost() < before.model.cost());
             let further: Vec<Hypothesis> = further.into_iter().map(|(one, _)| one).collect();
             refined = careful(&further);
-            refined.extend(there.into_iter().map(|(_, before)| before));
+            refined.extend(there.into_iter().map(|(_, before)| before).chain(rest));
         }
         if is_stage_alone(self.problem) {
             refined = refined
