@@ -20,10 +20,10 @@ pub(super) struct CopyWatch {
     /// Values of the other with their times, ns, the newest last.
     recent: VecDeque<(i64, u64)>,
     last: u64,
-    /// Changes of the signal to a value that no rounding explains, and how many of them equal the other so many rows before.
+    /// Changes of the signal to a value that no rounding explains.
     changes: u64,
-    hits: Vec<u64>,
-    lags_s: f64,
+    /// How many of them equal the other so many rows before, and the times between, s, summed up.
+    hits: Vec<(u64, f64)>,
 }
 
 impl CopyWatch {
@@ -32,11 +32,12 @@ impl CopyWatch {
         let bits = value.to_bits();
         if bits != self.last && !is_rounded(value) {
             self.changes += 1;
-            self.hits.resize(MOST_ROWS, 0);
+            self.hits.resize(MOST_ROWS, (0, 0.0));
             for (rows, (since_ns, before)) in self.recent.iter().rev().enumerate() {
                 if *before == bits {
-                    self.hits[rows] += 1;
-                    self.lags_s += seconds_from_nanos(time_ns.saturating_sub(*since_ns));
+                    let (count, lags_s) = &mut self.hits[rows];
+                    *count += 1;
+                    *lags_s += seconds_from_nanos(time_ns.saturating_sub(*since_ns));
                     break;
                 }
             }
@@ -50,11 +51,13 @@ impl CopyWatch {
 
     /// A copy of some rows before; `of_position` where the signal is the command.
     pub(super) fn found(&self, of_position: bool) -> Option<Impossible> {
-        let equal: u64 = self.hits.iter().sum();
+        let equal: u64 = self.hits.iter().map(|(count, _)| count).sum();
+        // A value that stayed is found too near: the commonest distance is the lag.
+        let (count, lags_s) = self.hits.iter().copied().max_by_key(|(count, _)| *count)?;
         let copied = self.changes >= COPY_CHANGES && equal as f64 > COPY_SHARE * self.changes as f64;
         copied.then_some(Impossible::LateCopy {
             of_position,
-            lag_s: self.lags_s / equal.max(1) as f64,
+            lag_s: lags_s / count.max(1) as f64,
             equal,
             changes: self.changes,
         })
