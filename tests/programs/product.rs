@@ -78,8 +78,6 @@ mod sheet;
 mod solver;
 #[path = "../stage_alone.rs"]
 mod stage_alone;
-#[path = "../stage_laws.rs"]
-mod stage_laws;
 #[path = "../stage_models.rs"]
 mod stage_models;
 #[path = "../stage_properties.rs"]

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// Steps of the simulation between two rows, and time between these at the usual speed, s.
 const STEPS: usize = 10;
-pub const ROW_S: f64 = 0.05;
+const ROW_S: f64 = 0.05;
 
 /// A position loop: a gain, a delay, a lag, a rate limit each way, and play before the position that is measured. Its command steps.
 #[derive(Clone, Copy, Debug)]
