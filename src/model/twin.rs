@@ -49,7 +49,9 @@ pub enum Cut {
 /// tick uses the newest frame at or before it. Rows may therefore arrive at any rate, and rows that
 /// repeat what already holds change nothing, to the last bit. Between two ticks positions follow their
 /// speeds. Measured signals that stand in at a cut hold from row to row; a measured spool is
-/// interpolated between two rows that both carry it.
+/// interpolated between two rows that both carry it, and the piston behind it is where it is first measured.
+///
+/// Frames have the clock of the recording; a unit's [`ChannelReadings::time_scale`](crate::parameters::ChannelReadings) says how fast its own runs beside it.
 ///
 /// A step allocates nothing, cannot fail and takes about 1/8000 of the time that it simulates. Twins are cheap to clone: plants are shared.
 ///
@@ -81,6 +83,9 @@ pub struct Twin {
     hold: Hold,
 }
 
+/// Where a piston begins that nothing places, pu: far from both ends.
+const HALF_OPEN_PU: f64 = 0.5;
+
 impl Twin {
     /// Builds the twin of a unit, closed loop. Its first frame sets it to the steady state there.
     #[must_use]
@@ -93,7 +98,10 @@ impl Twin {
     pub fn with_method(unit: &Unit, method: Method) -> Self {
         let mut plant = Plant::new(&unit.parameters);
         effects::apply(unit, &mut plant);
-        Self::of_plant(plant, unit.parameters.oil.tank_pressure_pa, method)
+        let mut twin = Self::of_plant(plant, unit.parameters.oil.tank_pressure_pa, method);
+        let (setting, time_scale) = (&mut twin.setting, unit.recorded.time_scale);
+        (setting.tick_ns, setting.time_scale) = (tick_ns(setting.tick_s / time_scale), time_scale);
+        twin
     }
 
     /// The same of a plant that no unit describes, such as one with terms of its own.
@@ -113,12 +121,13 @@ impl Twin {
             demand: Demand { spool_command_pu: 0.0, sd_pu: 0.0 },
             valve_current_pu: 0.0,
             servomotor_reading_pu: 0.0,
+            is_placed: true,
         };
         Self {
             memory: vec![0.0; plant.terms.memory_len()],
             plant: Arc::new(plant),
             nominal_tank_pressure_pa,
-            setting: Setting { cut: Cut::None, tick_ns: nanos_from_seconds(tick_s).max(1), tick_s },
+            setting: Setting { cut: Cut::None, tick_ns: tick_ns(tick_s), tick_s, time_scale: 1.0 },
             solver,
             running: false,
             now,
@@ -186,12 +195,12 @@ impl Twin {
             self.run_to(frame);
             self.take(frame);
         } else {
-            self.start(frame);
+            self.start(frame, None);
         }
     }
 
-    /// Sets the steady state that a first frame describes.
-    fn start(&mut self, frame: &Frame) {
+    /// Sets the steady state that a first frame describes; what comes late at a point may keep its history.
+    fn start(&mut self, frame: &Frame, keeps_history: Option<Point>) {
         let plant = &*self.plant;
         let now = &mut self.now;
         self.running = true;
@@ -209,7 +218,9 @@ impl Twin {
         now.coming = now.inputs;
         let wanted_pu = plant.regulator.command_gain * now.inputs.opening_command_pu;
         let bias_pu = plant.servomotor.reading_bias_pu;
-        let position_pu = (first_finite([measured_pu, wanted_pu, 0.0]) - bias_pu).clamp(0.0, 1.0);
+        now.is_placed = self.setting.cut != Cut::Spool || measured_pu.is_finite();
+        let unmeasured_pu = if now.is_placed || (0.0..=1.0).contains(&wanted_pu) { wanted_pu } else { HALF_OPEN_PU };
+        let position_pu = (first_finite([measured_pu, unmeasured_pu, 0.0]) - bias_pu).clamp(0.0, 1.0);
         let reading_pu = position_pu + bias_pu;
 
         // At rest when the error sits in the dead band; else on its way as measured.
@@ -239,13 +250,13 @@ impl Twin {
         now.demand = Demand { spool_command_pu: 0.0, sd_pu: 0.0 };
         self.hold.reset();
         now.servomotor_reading_pu = reading_pu;
-        self.settle();
+        self.settle(keeps_history);
     }
 
-    /// Sets the memories of all terms to their steady state at the present signals.
-    fn settle(&mut self) {
+    /// Sets the memories of all terms, but those at one point, to their steady state at the present signals.
+    fn settle(&mut self, but: Option<Point>) {
         let Self { plant, now, memory, .. } = self;
-        for point in Point::ALL {
+        for point in Point::ALL.into_iter().filter(|point| Some(*point) != but) {
             let signal = match point {
                 Point::Command => now.inputs.opening_command_pu,
                 Point::EsvOpening => now.inputs.esv_opening_pu,
@@ -272,7 +283,7 @@ impl Twin {
             if next.plant.terms.remember_like(&self.plant.terms) {
                 next.memory.copy_from_slice(&self.memory);
             } else {
-                next.settle();
+                next.settle(None);
             }
         }
         std::mem::swap(self, next);
@@ -284,6 +295,9 @@ impl Twin {
     fn take(&mut self, frame: &Frame) {
         self.now.coming.renew(&frame.inputs);
         self.now.take(frame);
+        if self.now.is_placed_by(frame) {
+            self.start(frame, Some(Point::DrivingSpool));
+        }
     }
 
     /// Advances by all ticks up to a frame.
@@ -301,8 +315,12 @@ impl Twin {
     /// The estimate at a time less than a tick after the last one.
     fn estimate(&self, time_ns: i64) -> Estimate {
         let now = &self.now;
-        estimate(time_ns, positions_pu(&self.plant.blocks(), now, self.setting.cut, time_ns), now)
+        estimate(time_ns, positions_pu(&self.plant.blocks(), now, self.setting, time_ns), now)
     }
+}
+
+fn tick_ns(tick_s: f64) -> i64 {
+    nanos_from_seconds(tick_s).max(1)
 }
 
 /// A single plant with its memories.
@@ -386,4 +404,86 @@ fn estimate(time_ns: i64, (spool_position_pu, servomotor_position_pu): (f64, f64
 
 fn first_finite(candidates: [f64; 3]) -> f64 {
     candidates.into_iter().find(|value| value.is_finite()).unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Inputs;
+    use crate::parameters::EffectSetting;
+    use crate::params::reference;
+    use crate::plant::lanes::Width;
+    use batch::BatchRow;
+
+    /// Rows of a spool that swings, by the clock of a recording; before the first sample only the spool is known.
+    fn rows(before: i64, row_ns: i64) -> Vec<Frame> {
+        let inputs = Inputs {
+            opening_command_pu: f64::NAN,
+            esv: EsvState::Normal,
+            tank_pressure_pa: f64::NAN,
+            piston_force_n: 0.0,
+        };
+        let row = |k: i64| {
+            let spool_position_pu = 0.3 * (0.07 * k as f64 + 1.0).sin();
+            let servomotor_position_pu = if k == 0 { 0.4 } else { f64::NAN };
+            Frame {
+                time_ns: k * row_ns,
+                inputs,
+                measured: Signals { spool_position_pu, servomotor_position_pu, ..Signals::NONE },
+            }
+        };
+        (-before..200).map(row).collect()
+    }
+
+    fn positions(twin: &mut Twin, rows: &[Frame]) -> Vec<f64> {
+        let all = rows.iter().map(|row| (row.time_ns, twin.step(row).signals.servomotor_position_pu));
+        all.filter(|(time_ns, _)| *time_ns >= 0).map(|(_, position)| position).collect()
+    }
+
+    #[test]
+    fn a_piston_is_where_it_is_first_measured_whatever_drove_it_before() {
+        // Rows between ticks as well as on them.
+        for row_ns in [50_000_000, 37_300_000] {
+            let mut unit = reference();
+            unit.parameters.regulator.small_loop_period_s = 0.02;
+            unit.parameters.regulator.large_loop_period_s = 0.2;
+            let mut twin = Twin::new(&unit).with_cut(Cut::Spool);
+            let [alone, with_history] = [0, 30].map(|before| positions(&mut twin.clone(), &rows(before, row_ns)));
+            assert!((with_history[0] - 0.4).abs() < 1e-12, "{}", with_history[0]);
+            let apart = alone.iter().zip(&with_history).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(apart < 1e-9, "{apart}");
+            let batch = |frame: &Frame| BatchRow { frame: *frame, is_sample: frame.time_ns >= 0 };
+            let lanes: Vec<BatchRow> = rows(30, row_ns).iter().map(batch).collect();
+            let mut twins = [twin.clone(), twin.clone()];
+            let width = Width::holding(2).unwrap();
+            let beside = batch::estimates(width, &mut twins, vec![lanes.into_iter()]);
+            let beside: Vec<f64> = beside[1].iter().map(|estimate| estimate.signals.servomotor_position_pu).collect();
+            assert_eq!(beside, with_history);
+            twin.reset();
+        }
+    }
+
+    #[test]
+    fn what_comes_late_behind_the_spool_has_its_history() {
+        let mut unit = reference();
+        unit.effects = vec![EffectSetting { id: "valve_lag".to_owned(), values: vec![0.4] }];
+        let mut twin = Twin::new(&unit).with_cut(Cut::Spool);
+        let moved = |positions: &[f64]| positions.iter().map(|y| y - positions[0]).collect::<Vec<f64>>();
+        let late = moved(&positions(&mut twin.clone(), &rows(60, 50_000_000)));
+        let mut whole = rows(60, 50_000_000);
+        (whole[0].measured.servomotor_position_pu, whole[60].measured.servomotor_position_pu) = (0.4, f64::NAN);
+        let wanted = moved(&positions(&mut twin, &whole));
+        let apart = late.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        // Where the piston begins makes a difference of a hundredth of its speed; a lag without its history would of half a row's movement.
+        assert!(apart < 0.02 * wanted.iter().fold(0.0, |most: f64, y| most.max(y.abs())), "{apart}");
+    }
+
+    #[test]
+    fn a_unit_on_a_clock_of_its_own_moves_as_fast_as_that() {
+        let mut slow = reference();
+        slow.recorded.time_scale = 1.0 / 64.0;
+        let [usual, slow] = [(reference(), 50_000_000), (slow, 64 * 50_000_000)]
+            .map(|(unit, row_ns)| positions(&mut Twin::new(&unit).with_cut(Cut::Spool), &rows(0, row_ns)));
+        assert_eq!(usual, slow);
+    }
 }

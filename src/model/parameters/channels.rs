@@ -1,4 +1,4 @@
-//! How positions are recorded: scale, zero and sign of a unit's channels.
+//! How positions are recorded: scale, zero and sign of a unit's channels, and its clock.
 
 /// How one channel is read: `pu = recorded × scale + offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,13 +37,34 @@ impl ChannelReading {
     }
 }
 
-/// The positions that a unit may have recorded in units of its own.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// What a unit may have recorded in units of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelReadings {
-    /// The spool's.
+    /// The spool's position.
     pub spool_position: ChannelReading,
-    /// The servomotor's.
+    /// The servomotor's position.
     pub servomotor_position: ChannelReading,
+    /// Seconds of the unit for each second recorded: a stage of unknown size is one of a usual speed on a clock of its own.
+    pub time_scale: f64,
+}
+
+impl Default for ChannelReadings {
+    /// Recorded in pu and seconds.
+    fn default() -> Self {
+        Self {
+            spool_position: ChannelReading::default(),
+            servomotor_position: ChannelReading::default(),
+            time_scale: 1.0,
+        }
+    }
+}
+
+impl ChannelReadings {
+    /// What 1 of the unit is by the clock of the recordings: seconds are theirs, all else is the unit's.
+    #[must_use]
+    pub fn of_unit(&self, unit: &str) -> f64 {
+        if unit == "s" { 1.0 / self.time_scale } else { 1.0 }
+    }
 }
 
 #[cfg(test)]

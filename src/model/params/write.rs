@@ -122,17 +122,21 @@ fn transducers(lines: &mut Vec<String>, sensors: &Sensors, shipped: &Sensors) {
     }
 }
 
-/// How the positions are recorded, where that is not in pu.
+/// How the positions are recorded, where that is not in pu, and the clock, where it is not the unit's.
 fn recorded(lines: &mut Vec<String>, unit: &Unit) {
-    let ChannelReadings { spool_position, servomotor_position } = unit.recorded;
+    if unit.recorded == ChannelReadings::default() {
+        return;
+    }
+    let ChannelReadings { spool_position, servomotor_position, time_scale } = unit.recorded;
+    lines.push(line(0, "recorded", "", "pu = recorded × scale + offset"));
     let channels = [("spool_position", spool_position), ("servomotor_position", servomotor_position)];
-    let other = channels.into_iter().filter(|(_, reading)| *reading != ChannelReading::default());
-    for (index, (name, reading)) in other.enumerate() {
-        if index == 0 {
-            lines.push(line(0, "recorded", "", "pu = recorded × scale + offset"));
-        }
+    for (name, reading) in channels.into_iter().filter(|(_, reading)| *reading != ChannelReading::default()) {
         let (scale, offset) = (number_text(reading.scale_pu), number_text(reading.offset_pu));
         lines.push(line(2, name, &format!("{{scale: {scale}, offset: {offset}}}"), ""));
+    }
+    if time_scale != 1.0 {
+        let comment = "seconds of the unit for each second recorded";
+        lines.push(line(2, "time", &format!("{{scale: {}}}", number_text(time_scale)), comment));
     }
 }
 

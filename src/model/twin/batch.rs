@@ -130,7 +130,7 @@ impl LaneWork for BatchRun<'_, '_> {
         loop {
             let BatchRow { frame, is_sample } = row.all[0];
             if is_sample {
-                watch.look(frame.time_ns, positions_pu(&side.bank.blocks(), &now, setting.cut, frame.time_ns), &now);
+                watch.look(frame.time_ns, positions_pu(&side.bank.blocks(), &now, setting, frame.time_ns), &now);
             }
             if !row.advance(rows) {
                 break;
@@ -141,6 +141,14 @@ impl LaneWork for BatchRun<'_, '_> {
             }
             now.coming = row.renewed(&now.coming);
             now.take(frame);
+            if now.is_placed_by(frame) {
+                for (lane, twin) in side.twins.iter_mut().enumerate() {
+                    twin.start(&row.of(lane).frame, Some(Point::DrivingSpool));
+                }
+                let started: Vec<&Now> = side.twins.iter().map(|twin| &twin.now).collect();
+                let Some(placed) = Now::abreast(&started, zero) else { return };
+                now = placed;
+            }
         }
         for twin in side.twins {
             twin.reset();

@@ -63,6 +63,8 @@ pub(super) struct Now<T = f64> {
     pub demand: Demand<T>,
     pub valve_current_pu: T,
     pub servomotor_reading_pu: T,
+    /// Where the piston is, is known: behind a spool it is so from the first row that holds its position.
+    pub is_placed: bool,
 }
 
 impl<T: Wide> Now<T> {
@@ -70,7 +72,7 @@ impl<T: Wide> Now<T> {
     pub(super) fn abreast(all: &[&Now], zero: T) -> Option<Self> {
         let last = all.len().checked_sub(1)?;
         let of = |lane: usize| all[lane.min(last)];
-        let Now { ticks, time_ns, measured, measured_ns, .. } = *all[0];
+        let Now { ticks, time_ns, measured, measured_ns, is_placed, .. } = *all[0];
         Some(Self {
             state: State::abreast(&|lane| &of(lane).state, &|of| zero.each(of)),
             ticks,
@@ -82,6 +84,7 @@ impl<T: Wide> Now<T> {
             demand: Demand::abreast(&|lane| &of(lane).demand, &|of| zero.each(of)),
             valve_current_pu: zero.each(|lane| of(lane).valve_current_pu),
             servomotor_reading_pu: zero.each(|lane| of(lane).servomotor_reading_pu),
+            is_placed,
         })
     }
 
@@ -99,6 +102,7 @@ impl<T: Wide> Now<T> {
             demand: self.demand.lane(lane),
             valve_current_pu: self.valve_current_pu.lane(lane),
             servomotor_reading_pu: self.servomotor_reading_pu.lane(lane),
+            is_placed: self.is_placed,
         }
     }
 }
@@ -118,5 +122,11 @@ impl<T: Real> Now<T> {
             self.measured.spool_position_pu = measured.spool_position_pu;
             self.measured_ns = frame.time_ns;
         }
+    }
+
+    /// Whether a frame is the first that holds the piston's position.
+    #[inline(always)]
+    pub(super) fn is_placed_by(&self, frame: &Frame) -> bool {
+        !self.is_placed && frame.measured.servomotor_position_pu.is_finite()
     }
 }

@@ -8,6 +8,7 @@ use crate::units::seconds_from_nanos;
 
 use super::Cut;
 use super::now::Now;
+use super::tick::Setting;
 
 /// What the spool's transducer shows `after_s` past the last tick, pu.
 #[inline(always)]
@@ -36,9 +37,9 @@ pub(super) fn piston_reading_pu<T: Real>(blocks: &Blocks<'_, T>, state: &State<T
 
 /// Both positions as shown at a time less than a tick after the last one, pu: spool and servomotor.
 #[inline(always)]
-pub(super) fn positions_pu<T: Real>(blocks: &Blocks<'_, T>, now: &Now<T>, cut: Cut, time_ns: i64) -> (T, T) {
-    let since_s = seconds_from_nanos(time_ns - now.time_ns).max(0.0);
-    let moving_s = if cut == Cut::Spool { 0.0 } else { since_s };
+pub(super) fn positions_pu<T: Real>(blocks: &Blocks<'_, T>, now: &Now<T>, setting: Setting, time_ns: i64) -> (T, T) {
+    let since_s = setting.time_scale * seconds_from_nanos(time_ns - now.time_ns).max(0.0);
+    let moving_s = if setting.cut == Cut::Spool { 0.0 } else { since_s };
     let moved_pu = if since_s > 0.0 {
         piston_reading_pu(blocks, &now.state, since_s) - piston_reading_pu(blocks, &now.state, 0.0)
     } else {
@@ -55,7 +56,8 @@ pub(super) fn standing_in_pu(last_pu: f64, last_ns: i64, next: &Frame, time_ns: 
     if !last_pu.is_finite() {
         return 0.0;
     }
-    if !next_pu.is_finite() || span_ns <= 0 {
+    // A tick may begin a little before the last row; a step between two rows close together says nothing of what was long before.
+    if !next_pu.is_finite() || span_ns <= 0 || last_ns - time_ns > span_ns {
         return last_pu;
     }
     let share = seconds_from_nanos(time_ns - last_ns) / seconds_from_nanos(span_ns);

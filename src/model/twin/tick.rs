@@ -21,8 +21,11 @@ const CHATTER_BLUR: f64 = 0.32;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Setting {
     pub cut: Cut,
+    /// A tick by the clock of the frames.
     pub tick_ns: i64,
     pub tick_s: f64,
+    /// Seconds of the plant for each second of the frames.
+    pub time_scale: f64,
 }
 
 /// What a tick shows to terms.
@@ -116,7 +119,7 @@ pub(super) fn large_loop(
 /// Advances one period of the small loop.
 #[inline(always)]
 pub(super) fn tick<T: Real>(chain: &mut impl Chain<T>, setting: Setting, now: &mut Now<T>, next: &Frame) {
-    let Setting { cut, tick_ns, tick_s } = setting;
+    let Setting { cut, tick_ns, tick_s, .. } = setting;
     let zero = now.servomotor_reading_pu.like(0.0);
     let time_s = seconds_from_ticks(now.ticks, tick_s);
     let spool_reading_pu = match cut {
