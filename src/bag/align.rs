@@ -5,7 +5,7 @@ use std::path::Path;
 use super::BagError;
 use super::streams::Sample;
 use govtwin_model::frame::Frame;
-use govtwin_model::units::{TICK_NS, seconds_from_nanos};
+use govtwin_model::units::seconds_from_nanos;
 
 /// The most rows that resampling may make of a recording: 2.7 h at 1 ms, about 0.8 GB, and several times that in a fit.
 pub(super) const ROW_LIMIT: i64 = 10_000_000;
@@ -15,11 +15,11 @@ pub(super) const FARTHEST_NS: i64 = 86_400_000_000_000;
 
 /// Whether rows are of one clock, and no more than can be simulated, with a grid of this period below them.
 ///
-/// A twin runs a row each tick of a millisecond between the rows of a recording, which are bounded by the rows there are: one a second at least.
+/// A twin runs a row each tick between the rows of a recording, which are bounded by the rows there are: one in a thousand ticks at least.
 ///
 /// # Errors
 /// Where the grid would have too many points, rows are too sparse, or the streams have clocks that differ by more than a day.
-pub(super) fn check(rows: &[Frame], grid_ns: Option<i64>, path: &Path) -> Result<(), BagError> {
+pub(super) fn check(rows: &[Frame], grid_ns: Option<i64>, tick_ns: Option<i64>, path: &Path) -> Result<(), BagError> {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return Ok(()) };
     let apart_ns = |pair: &[Frame]| pair[1].time_ns.saturating_sub(pair[0].time_ns);
     if let Some(pair) = rows.windows(2).find(|pair| apart_ns(pair) > FARTHEST_NS) {
@@ -33,7 +33,8 @@ pub(super) fn check(rows: &[Frame], grid_ns: Option<i64>, path: &Path) -> Result
         if rows > limit { Err(too_many()) } else { Ok(rows) }
     };
     let laid = grid_ns.map_or(Ok(0), |period_ns| at_most(ROW_LIMIT, period_ns))?;
-    at_most(most_ticks(rows.len().saturating_add(usize::try_from(laid).unwrap_or_default())), TICK_NS).map(drop)
+    let Some(tick_ns) = tick_ns else { return Ok(()) };
+    at_most(most_ticks(rows.len().saturating_add(usize::try_from(laid).unwrap_or_default())), tick_ns).map(drop)
 }
 
 /// Of a recording that is longer, so many ticks for each of its rows.

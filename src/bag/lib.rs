@@ -79,6 +79,7 @@ use std::fmt;
 
 use govtwin_model::parameters::ChannelReadings;
 use govtwin_model::recording::Recording;
+use govtwin_model::units::{TICK_NS, nanos_from_seconds, seconds_from_nanos};
 
 pub use error::BagError;
 pub use field::{FieldPath, FieldReader, FieldValue};
@@ -260,6 +261,17 @@ impl Positions {
     #[must_use]
     pub fn of(channels: ChannelReadings) -> Self {
         if channels == ChannelReadings::default() { Self::Pu } else { Self::Recorded(channels) }
+    }
+
+    /// A twin's tick by the clock of the recording, ns; none where the clock of a stage is found from what it does.
+    fn tick_ns(self) -> Option<i64> {
+        match self {
+            Self::Pu => Some(TICK_NS),
+            Self::Recorded(channels) => {
+                Some(nanos_from_seconds(seconds_from_nanos(TICK_NS) / channels.time_scale).max(1))
+            }
+            Self::AnyUnit => None,
+        }
     }
 }
 

@@ -44,7 +44,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
     let (mut frames, grid, read) = Live::whole(collected, options);
     let mut read = Read { jump, ..read };
     qualification::check_clocks(path, &read.healths, &read.evidence)?;
-    align::check(&frames, grid.as_ref().and_then(Grid::period_ns), path)?;
+    align::check(&frames, grid.as_ref().and_then(Grid::period_ns), options.positions.tick_ns(), path)?;
     if let Some(grid) = grid {
         read.rows = RowEvidence::new(options.positions);
         grid.below(std::mem::take(&mut frames), &mut |frame| {

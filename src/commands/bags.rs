@@ -109,9 +109,18 @@ pub struct Mapped {
 impl MapArgs {
     /// The files as they are, or by the map as bags that stand in for them.
     pub fn open(&self, paths: &[PathBuf]) -> anyhow::Result<Mapped> {
+        self.imported(paths, |map| map)
+    }
+
+    /// The same with positions in the units of the files.
+    pub fn open_as_recorded(&self, paths: &[PathBuf]) -> anyhow::Result<Mapped> {
+        self.imported(paths, Map::as_recorded)
+    }
+
+    fn imported(&self, paths: &[PathBuf], read: fn(Map) -> Map) -> anyhow::Result<Mapped> {
         let none = Mapped { paths: paths.to_vec(), given: paths.to_vec(), warnings: vec![], _folder: None };
         let Some(map) = &self.map else { return Ok(none) };
-        let map = Map::load(map)?;
+        let map = read(Map::load(map)?);
         let folder = tempfile::tempdir().context("cannot make a folder for what is imported")?;
         let mut mapped = Mapped { paths: vec![], given: vec![], ..none };
         let mut files = vec![];
@@ -166,6 +175,9 @@ pub struct GivenBag {
     /// What was taken of it, where it was too long to be taken whole.
     pub excerpt: Option<String>,
 }
+
+/// No two rows are so far apart.
+const DAY_NS: i64 = 86_400_000_000_000;
 
 /// Why the program's own simulations are no evidence beside measurements.
 const OWN: &str = "simulated by govtwin's own twin, which says nothing of the unit that the other recordings are of";
@@ -256,7 +268,9 @@ struct Reading {
 
 /// How recordings are read for a diagnosis: command and pressure run from sample to sample, on a grid of the twin's own tick.
 pub fn options(topics: Topics, positions: Positions) -> ReadOptions {
-    let interpolation = Interpolation::Sharp { period_ns: TICK_NS };
+    // Of a stage in any unit only the rows that were recorded count.
+    let period_ns = if positions == Positions::AnyUnit { DAY_NS } else { TICK_NS };
+    let interpolation = Interpolation::Sharp { period_ns };
     ReadOptions { positions, topics, interpolation, required: vec![Stream::ServoState] }
 }
 

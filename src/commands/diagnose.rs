@@ -155,7 +155,8 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("diagnosis").join(&name));
     let output = Output::claim_over(&out, &files::NAMES, args.overwrite)?;
     let mut made = provenance::new("diagnose", &sheet, Some(args.seed))?;
-    let mapped = args.map.open(&args.bags)?;
+    let mapped =
+        if args.unit_of.stage_alone { args.map.open_as_recorded(&args.bags)? } else { args.map.open(&args.bags)? };
     let topics = args.topics.topics();
     let Given { recordings, mut unit, by } = given::read(&args.unit_of, &mapped.paths, &topics, &sheet.unit)?;
     let Recordings { recordings, warnings, read } = recordings;

@@ -110,6 +110,9 @@ pub enum TripRule {
     Below(f64),
 }
 
+/// The unit of a position that is taken as the file has it.
+pub(super) const AS_RECORDED: &str = "as recorded";
+
 /// One signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalMap {
@@ -177,6 +180,16 @@ impl Map {
     pub fn load(path: &Path) -> Result<Self, ImportError> {
         let text = read_text(path, LARGEST_FILE_BYTES).map_err(ImportError::io(path, "read the map"))?;
         Self::parse(&text, path)
+    }
+
+    /// The same with the positions of command, spool and servomotor in the units of the file: a stage that is judged alone is told in those.
+    #[must_use]
+    pub fn as_recorded(mut self) -> Self {
+        let positions = [Target::OpeningCommand, Target::SpoolPosition, Target::ServomotorPosition];
+        for signal in self.signals.iter_mut().filter(|signal| positions.contains(&signal.target)) {
+            (signal.unit, signal.conversion) = (AS_RECORDED.to_owned(), Conversion::NONE);
+        }
+        self
     }
 
     /// Reads a map from its text, which stands or will stand at `path`.

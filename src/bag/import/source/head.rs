@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::import::convert::{UnitConversion, plain, pressure, share};
 use crate::import::dialect::bracketed;
-use crate::import::map::SignalMap;
+use crate::import::map::{AS_RECORDED, SignalMap};
 use crate::import::number::Numbers;
 use crate::import::row::Target;
 use govtwin_model::params::nearest;
@@ -296,7 +296,7 @@ pub(super) fn with_header_unit(
     let mut one = one.clone();
     let read = |text: &str| if one.target.is_pressure() { pressure(text) } else { share(text) };
     let id = one.target.id();
-    if stated.is_empty() || one.target == Target::Esv {
+    if stated.is_empty() || one.target == Target::Esv || one.unit == AS_RECORDED {
         return one;
     }
     if one.unit.is_empty() {
