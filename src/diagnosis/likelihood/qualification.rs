@@ -65,7 +65,8 @@ pub fn qualify_all(recordings: Vec<Recording>, cut: impl Fn(&Recording) -> Cut) 
 /// Takes a recording in, or says in a sentence why it cannot be used.
 ///
 /// The cut says what drives the twin: at [`Cut::Spool`] the measured spool stands in for the command, and both positions are
-/// needed; time then has no scale of its own.
+/// needed; time then has no scale of its own. A spool or servomotor that rests at an end of its range is then taken for one at its stop: a valve that is
+/// switched does nothing else.
 ///
 /// # Errors
 /// When it is too short, or holds nothing that drives a twin, or nothing measured.
@@ -107,7 +108,7 @@ fn qualify(mut recording: Recording, cut: Cut) -> Result<Qualified, String> {
                 signal.id()
             ));
             recording.frames.iter_mut().for_each(|frame| forget(signal, &mut frame.measured));
-        } else if let Some((end, count)) = saturated(&values) {
+        } else if let Some((end, count)) = saturated(&values).filter(|_| cut != Cut::Spool) {
             notes.push(format!(
                 "{} stands at {end:.4} {} in {count} of {} samples, equal to the last digit: saturated, so these samples are ignored",
                 signal.id(),
