@@ -107,7 +107,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut expected = noise::expected(&sheet.unit.sensors);
     let recordings = if args.params.is_none() && recordings.iter().all(|(_, cut)| *cut == Cut::Spool) {
         let whole = recordings.into_iter().map(|(recording, _)| recording).collect();
-        let ready = sheetless(whole, &sheet.unit)
+        let ready = sheetless(whole, &sheet.unit, true)
             .context("spool or servomotor stand still, so that neither says what drives what")?;
         warnings.extend(ready.notes.into_iter().map(|note| note.trim_end_matches('.').to_owned()));
         // What was asked for goes on top of the unit of no sheet.

@@ -13,10 +13,11 @@ const ALIKE: f64 = 0.97;
 /// The smallest size of each effect that would stand out.
 #[must_use]
 pub fn detectable_sizes(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<DetectableSize> {
-    let unit = &explored.refitted().base.parameters;
+    let base = &explored.refitted().base;
     let of = |(effect, spec): (usize, &&'static EffectSpec)| {
-        let parameter = spec.parameters[0].on(unit);
-        let typical = (parameter.typical - parameter.neutral).abs();
+        let parameter = spec.parameters[0].on(&base.parameters);
+        let scale = base.recorded.of_unit(parameter.unit);
+        let typical = scale * (parameter.typical - parameter.neutral).abs();
         let smallest = typical * explored.linearisation.minimum_detectable_size(effect, STANDS_OUT);
         let with_known_sheet = smallest / explored.linearisation.sharpest_ratio(effect, STANDS_OUT);
         DetectableSize {

@@ -14,7 +14,7 @@ use crate::model::search::Turned;
 use crate::model::support::Variant;
 use crate::result::Setup;
 use crate::stage_alone::command::{Deviation, StandIn, command_for_spool};
-use crate::stage_alone::competing_laws::{Follows, follows};
+use crate::stage_alone::competing_laws::{Follows, told_apart};
 use crate::stage_alone::flexible::{Flexible, flexible};
 use crate::stage_alone::pieces::pieces;
 use crate::stage_alone::plain::{Plain, plain};
@@ -29,8 +29,6 @@ use govtwin_model::twin::Cut;
 
 /// Pieces that recordings are cut into where there is a sheet, at most: few, as play and pressures at the start of each are not measured.
 const PIECES: usize = 2;
-/// Pieces on which laws without physics are told apart, at most.
-const LAW_PIECES: usize = 6;
 /// Starts of the fit where no data sheet says where to begin.
 const STARTS: usize = 4;
 
@@ -70,6 +68,8 @@ pub struct StageAlone {
     pub left: [f64; 3],
     /// What stands in for a spool that was not recorded.
     pub stands_in: Option<StandIn>,
+    /// Half of the time between rows where the spool is held from row to row, s; 0 where it runs straight.
+    pub held_s: f64,
 }
 
 impl StageAlone {
@@ -170,11 +170,16 @@ fn servomotor_stage(
         "Servomotor stage only, driven by the recorded spool position; the chain before it was not diagnosed."
             .to_owned(),
     );
-    let (recordings, unit, noise, turned);
+    let (recordings, unit, noise, turned, law, seen, follows, left);
+    let mut held_s = 0.0;
     if setup == Setup::StageFree {
-        let prepared = sheetless(whole, sheet).ok_or_else(still)?;
+        // A deviation is not sent: it follows the position.
+        let may_hold = stands_in.as_ref().is_none_or(|one| one.deviation.is_none());
+        let prepared = sheetless(whole, sheet, may_hold).ok_or_else(still)?;
+        held_s = prepared.held_s;
         notes.extend(prepared.notes);
         (whole, recordings, unit, noise) = (prepared.whole, prepared.pieces, prepared.unit, prepared.noise);
+        (law, seen, follows, left) = (prepared.law, prepared.seen, prepared.follows, prepared.left);
         turned = Turned { free_parameters: prepared.free_parameters, starts: STARTS };
     } else {
         for recording in &mut whole {
@@ -185,22 +190,24 @@ fn servomotor_stage(
         let mut free_parameters = FreeParameter::nuisances(&unit);
         free_parameters.retain(sheetless::acts_behind_the_spool);
         turned = Turned { free_parameters, starts: 1 };
+        let runs = Run::all(&recordings);
+        law = plain(&runs).ok_or_else(still)?;
+        seen = flexible(&runs, &law).ok_or_else(still)?;
+        (follows, left) = told_apart(&whole, &law).ok_or_else(still)?;
     }
-    let runs = Run::all(&recordings);
-    let law = plain(&runs).ok_or_else(still)?;
-    let seen = flexible(&runs, &law).ok_or_else(still)?;
-    // Laws are told apart on pieces left out, of which two would be too few.
-    let many: Vec<PreparedRecording> =
-        pieces(&whole, LAW_PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect();
-    let (follows, left) = follows(&Run::all(&many), &law).ok_or_else(still)?;
     if setup == Setup::Stage && law.above_1_s + law.below_1_s < 0.0 {
         notes.push(
             "The servomotor moves against the sign of the spool; was the spool position recorded with the opposite sign?".into(),
         );
     }
-    let wanted = |spec: &&'static EffectSpec| setup == Setup::Stage || sheetless::means_something(spec.id);
+    // In a loop whose valve signal was not recorded, a lag of the valve looks like a delay of the command, which is no fault of the stage.
+    let is_loop = stands_in.as_ref().is_some_and(|one| one.deviation.is_some());
+    let is_lag = |spec: &EffectSpec| spec.parameters[0].unit == "s";
+    let wanted = |spec: &&'static EffectSpec| {
+        setup == Setup::Stage || (sheetless::means_something(spec.id) && !(is_loop && is_lag(spec)))
+    };
     let catalogue = acting(&recordings, &unit, catalogue.iter().copied().filter(wanted), &noise);
-    let mut stage = StageAlone { whole, seen, law, follows, left, stands_in };
+    let mut stage = StageAlone { whole, seen, law, follows, left, stands_in, held_s };
     if stage.deviation().is_some() {
         // What drives it holds the position: that it settles is known.
         stage.follows = Follows::Sum;

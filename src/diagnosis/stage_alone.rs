@@ -2,6 +2,7 @@
 
 pub(crate) mod command;
 pub(crate) mod competing_laws;
+pub(crate) mod end_stops;
 pub(crate) mod flexible;
 pub(crate) mod pieces;
 pub mod plain;

@@ -17,12 +17,13 @@ use crate::summary::explained_fraction::without_recordings;
 use govtwin_model::effects::id_words;
 use govtwin_model::frame::Estimate;
 use govtwin_model::signal::Signal;
-use govtwin_model::units::seconds_from_nanos;
 
 /// Effects on top of the first must all be this probable to be named, with a sheet.
 const SURE: f64 = 0.6;
 /// The same where everything is fitted freely.
 const SURE_IF_FREE: f64 = 0.95;
+/// An effect on its own is named from this probability on.
+const LEAST_PROBABLE: f64 = 0.5;
 /// Without a sheet an effect that explains this share of what the best one does cannot be told from it.
 const CLOSE: f64 = 0.9;
 /// A stage that leaves no more than this, in squares of what the most flexible law leaves, has no effect that could be named.
@@ -41,15 +42,19 @@ pub(crate) fn modest(
     (ready, stage): (&Preparation, &StageAlone),
     decision: Decision,
 ) -> (Decision, Vec<String>, Compared) {
-    if let Some(foreign) = foreign(stage) {
+    if stage.follows != Follows::Sum {
         let compared = Compared::of(ready, stage, &[found.refitted()]);
-        return (decision.forced(Verdict::NoSuchUnit), vec![foreign], compared);
+        if let Some(foreign) = foreign(stage, &compared) {
+            return (decision.forced(Verdict::NoSuchUnit), vec![foreign], compared);
+        }
     }
     let floor_square = floor_square(problem, ready.setup, stage);
     let (decision, mut said) = careful(problem, found, ready.setup, floor_square, decision);
     let compared = Compared::of(ready, stage, &twins(found, &decision));
     let (decision, withdrawn) = only_predicting(&compared, decision);
     said.extend(withdrawn);
+    let (decision, improbable) = only_probable(decision);
+    said.extend(improbable);
     if decision.verdict == Verdict::NoGap
         && let Some(missed) = beyond_transducers(problem, found.refitted(), floor_square)
     {
@@ -95,11 +100,24 @@ fn only_predicting(compared: &Compared, mut decision: Decision) -> (Decision, Ve
     (decision, said)
 }
 
-/// That the recordings are of no such stage, in a sentence, where another law predicts them better.
-fn foreign(stage: &StageAlone) -> Option<String> {
+/// The decision without a name that is less probable than not: what is left of a class may be; says so.
+fn only_probable(decision: Decision) -> (Decision, Option<String>) {
+    let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
+    match (decision.verdict, decision.blamed.as_slice()) {
+        (Verdict::Named, [only]) if probability(only) < LEAST_PROBABLE => {
+            let said = format!("Not named: {}, as its probability is {:.2}.", id_words(only), probability(only));
+            (decision.forced(Verdict::Unknown), Some(said))
+        }
+        _ => (decision, None),
+    }
+}
+
+/// That the recordings are of no such stage, in a sentence, where another law predicts them better, in free runs as well.
+fn foreign(stage: &StageAlone, compared: &Compared) -> Option<String> {
     let [sum, spool, nothing] = stage.left.map(|left| format!("{:.1} %", 100.0 * left));
     match stage.follows {
         Follows::Sum => None,
+        Follows::Spool { .. } if compared.sums_up() => None,
         Follows::Spool { settles_s } => Some(format!(
             "The position does not integrate the spool position, as a servomotor does, but settles within {settles_s:.2} s to a value set by the \
              spool: on held-out pieces such a law leaves {spool} of the squared movement, the best law of a servomotor {sum}. Is the spool signal a \
@@ -281,12 +299,11 @@ pub(crate) fn describe(
         (Verdict::Class, [first, ..]) => found.with(&[first]),
         _ => None,
     };
-    let length_ns =
-        ready.recordings.first().map_or(0, |recording| match (recording.frames.first(), recording.frames.last()) {
-            (Some(first), Some(last)) => last.time_ns - first.time_ns,
-            _ => 0,
-        });
-    let foreign = foreign(stage);
+    let piece_s = ready
+        .recordings
+        .first()
+        .map_or(0.0, |piece| piece.samples.len().checked_sub(1).map_or(0.0, |last| piece.time_s(last)));
+    let foreign = foreign(stage, &compared);
     let plain_wins = compared.winner().map(|plain| plain.model.clone());
     let model = claimed.unwrap_or_else(|| found.refitted());
     let plain_as_good = compared.as_good(&model.ids().join(" + ")).map(|plain| plain.model.clone());
@@ -296,13 +313,14 @@ pub(crate) fn describe(
         if ready.setup != Setup::StageFree {
             return stage_figures(model, &stage.law, &ready.recordings);
         }
-        sheetless_figures(model, &stage.law, &ready.recordings, compared.plain_law(&model.ids().join(" + ")))
+        let plain = compared.plain_law(&model.ids().join(" + "));
+        sheetless_figures(model, &stage.law, &ready.recordings, plain, stage.held_s)
     };
     let figures = if refused { Vec::new() } else { figures() };
     StageOnly {
         sheet: ready.setup != Setup::StageFree,
         pieces: ready.recordings.len(),
-        piece_s: seconds_from_nanos(length_ns),
+        piece_s,
         figures,
         transducers_pu: stage.seen.transducers,
         foreign,

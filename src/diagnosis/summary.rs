@@ -197,9 +197,11 @@ fn fitted(model: &FittedModel, size_spread: f64, wanted: impl Fn(&FreeParameter)
             let equation =
                 if matches!(free_parameter, FreeParameter::Effect { .. }) { size_spread * position } else { 0.0 };
             let deviation = variance.sqrt().hypot(equation);
-            let at = |offset: f64| free_parameter.value(&model.base, (position + offset * deviation).clamp(low, high));
-            let (a, b) = (at(-NORMAL_90), at(NORMAL_90));
             let (name, unit) = free_parameter.key(&model.base);
+            let scale = model.base.recorded.of_unit(unit);
+            let value = |position: f64| scale * free_parameter.value(&model.base, position);
+            let at = |offset: f64| value((position + offset * deviation).clamp(low, high));
+            let (a, b) = (at(-NORMAL_90), at(NORMAL_90));
             Fitted {
                 name: match free_parameter {
                     FreeParameter::Effect { effect, .. } if *effect >= first => {
@@ -209,7 +211,7 @@ fn fitted(model: &FittedModel, size_spread: f64, wanted: impl Fn(&FreeParameter)
                 },
                 unit,
                 value: Interval { value: at(0.0), low: a.min(b), high: a.max(b) },
-                sheet: free_parameter.value(&model.base, 0.0),
+                sheet: value(0.0),
                 position,
                 information: model.information(k),
                 at_bound: position != 0.0 && (position - low).min(high - position) <= AT_BOUND_SHARE * (high - low),

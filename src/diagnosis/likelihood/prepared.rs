@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::likelihood::idle::idle_segments;
-use govtwin_model::frame::{Estimate, Frame};
+use govtwin_model::frame::{Estimate, Frame, Signals};
 use govtwin_model::plant::lanes::Width;
 use govtwin_model::recording::{Process, Recording, SLOW_NS, median_spacing_ns};
 use govtwin_model::signal::Signal;
@@ -92,11 +92,20 @@ impl PreparedRecording {
     #[must_use]
     pub fn servomotor_stage(mut recording: Recording) -> Self {
         join_spool(&mut recording.frames);
+        Self::free_run(recording)
+    }
+
+    /// The same of a recording whose every row holds a spool position; rows before the first that holds the servomotor's are what drove it before.
+    #[must_use]
+    pub(crate) fn free_run(recording: Recording) -> Self {
         let mut recording = Self::with_seams(recording, Vec::new());
+        recording.samples.retain(|&row| recording.frames[row].measured.servomotor_position_pu.is_finite());
+        let times_ns = recording.samples.iter().map(|&row| recording.frames[row].time_ns);
+        recording.period_s = seconds_from_nanos(median_spacing_ns(times_ns));
         for signal in Signal::ALL {
             recording.has[signal as usize] &= signal == Signal::ServomotorPosition;
         }
-        recording.command_doubt_pu.fill(0.0);
+        recording.command_doubt_pu = vec![0.0; recording.samples.len()];
         recording.command_jitter_pu = 0.0;
         recording.cut = Cut::Spool;
         recording
@@ -137,10 +146,11 @@ impl PreparedRecording {
         self.samples.iter().map(|&row| signal.of(&self.frames[row].measured)).collect()
     }
 
-    /// Time of a sample since the first row, s.
+    /// Time of a sample since the first row, s; of a stage since its first sample, before which there is only what drove it.
     #[must_use]
     pub(crate) fn time_s(&self, sample: usize) -> f64 {
-        seconds_from_nanos(self.frames[self.samples[sample]].time_ns - self.frames[0].time_ns)
+        let first = if self.is_driven() { self.samples[0] } else { 0 };
+        seconds_from_nanos(self.frames[self.samples[sample]].time_ns - self.frames[first].time_ns)
     }
 
     /// Speed of a signal at each sample, from so long before to as long after: noise of neighbouring samples is no speed. Not a number where it was not
@@ -278,6 +288,28 @@ pub(crate) fn join_spool(frames: &mut Vec<Frame>) {
     let starts = |frame: &Frame| frame.measured.servomotor_position_pu.is_finite();
     let start = frames.iter().skip(first).position(starts).map_or(frames.len(), |behind| first + behind);
     frames.drain(..start);
+}
+
+/// How long before the next row the one stands that holds its spool, ns.
+const HELD_NS: i64 = 1;
+
+/// Whether a row only holds the spool of the one before it.
+pub(crate) fn is_held(rows: &[Frame], row: usize) -> bool {
+    rows.get(row + 1).is_some_and(|next| next.time_ns - rows[row].time_ns == HELD_NS)
+}
+
+/// Holds the spool of each row until the next: a row right before that one says so.
+pub(crate) fn hold_spool(frames: &mut Vec<Frame>) {
+    let held = |pair: &[Frame]| {
+        let spool_position_pu = pair[0].measured.spool_position_pu;
+        let before = Frame {
+            time_ns: pair[1].time_ns - HELD_NS,
+            measured: Signals { spool_position_pu, ..Signals::NONE },
+            ..pair[0]
+        };
+        [before, pair[1]]
+    };
+    *frames = frames.first().copied().into_iter().chain(frames.windows(2).flat_map(held)).collect();
 }
 
 /// Goes through twins as many at a time as there are lanes, and one by one where they do not fit side by side.

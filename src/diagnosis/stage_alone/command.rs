@@ -1,16 +1,13 @@
 //! Command and position without a spool: what the command is to the servomotor, and what stands in for the spool.
 
-use crate::likelihood::prepared::PreparedRecording;
-use crate::stage_alone::competing_laws::{Follows, follows};
-use crate::stage_alone::pieces::pieces;
-use crate::stage_alone::plain::plain;
+use crate::likelihood::prepared::{PreparedRecording, join_spool};
+use crate::stage_alone::competing_laws::Follows;
+use crate::stage_alone::end_stops::between_stops;
+use crate::stage_alone::pieces::{PIECES, pieces};
 use crate::stage_alone::run::Run;
 use crate::stage_alone::set_point::SetPoint;
 use govtwin_model::number::significant;
 use govtwin_model::recording::Recording;
-
-/// Pieces that the recordings are cut into, at most.
-const PIECES: usize = 6;
 
 /// What stands in for the spool.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,17 +50,17 @@ pub fn command_for_spool(recordings: &mut [Recording]) -> Option<StandIn> {
     for frame in measured.filter(|frame| frame.measured.servomotor_position_pu.is_finite()) {
         frame.measured.spool_position_pu = frame.inputs.opening_command_pu;
     }
-    let prepared: Vec<PreparedRecording> =
-        pieces(&sampled(recordings), PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect();
-    let runs = Run::all(&prepared);
-    let (what, _) = follows(&runs, &plain(&runs)?)?;
-    let Follows::Spool { .. } = what else {
+    let mut sampled = sampled(recordings);
+    sampled.iter_mut().for_each(|recording| join_spool(&mut recording.frames));
+    let Follows::Spool { .. } = between_stops(&sampled)?.follows else {
         let note =
             "No spool position was recorded: the command stands in for it, as the command of the valve.".to_owned();
         return Some(StandIn { note, deviation: None });
     };
     // Fitted with its lag: while the position is still on its way, the line over the command is not where it goes.
-    let SetPoint { gain, level, .. } = SetPoint::fitted(&runs, true)?;
+    let pieces: Vec<PreparedRecording> =
+        pieces(&sampled, PIECES).into_iter().map(PreparedRecording::free_run).collect();
+    let SetPoint { gain, level, .. } = SetPoint::fitted(&Run::all(&pieces), true)?;
     let deviation = Deviation { gain, level };
     for frame in recordings.iter_mut().flat_map(|recording| &mut recording.frames) {
         let measured = &mut frame.measured;

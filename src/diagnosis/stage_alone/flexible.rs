@@ -36,7 +36,7 @@ fn span<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
     high - low
 }
 
-/// Corners of the broken line: at even shares of the spool's samples, and at the ends of the plain law's dead band.
+/// Corners of the broken line: at even shares of the spool's samples, at the ends of the plain law's dead band, and where it saturates.
 #[must_use]
 pub fn corners(runs: &[Run], law: &Plain) -> Vec<f64> {
     let mut spools: Vec<f64> = runs.iter().flat_map(|run| run.spool.iter().copied()).collect();
@@ -44,7 +44,8 @@ pub fn corners(runs: &[Run], law: &Plain) -> Vec<f64> {
     let count = spools.len();
     let corners = (count / SAMPLES_PER_CORNER).clamp(CORNERS.0, CORNERS.1);
     let even = (1..=corners).filter_map(|k| spools.get(k * count.saturating_sub(1) / (corners + 1)).copied());
-    even.chain([law.zero - law.half_band, law.zero + law.half_band]).collect()
+    let bends = [law.half_band, law.half_band + law.saturates].into_iter().filter(|bend| bend.is_finite());
+    even.chain(bends.flat_map(|bend| [law.zero - bend, law.zero + bend])).collect()
 }
 
 /// The broken line with these corners, and the drift with the opening.

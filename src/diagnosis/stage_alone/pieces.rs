@@ -1,48 +1,64 @@
 //! Recordings cut into pieces of equal time, so that there is something to leave out.
 
-use govtwin_model::recording::Recording;
-use govtwin_model::units::seconds_from_nanos;
+use std::ops::Range;
 
+use crate::stage_alone::run::LEAD;
+use govtwin_model::recording::Recording;
+use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
+
+/// Pieces that all recordings of a stage without a data sheet are cut into, at most: each is left out in turn.
+pub(crate) const PIECES: usize = 6;
+/// How much of what drove it before a piece is looked at, as a share of its length.
+const LED: f64 = 0.25;
 /// Fewest samples of a piece.
 const FEWEST: usize = 50;
 
-/// Cuts recordings into no more than so many pieces altogether, one of each recording at least.
+/// Cuts recordings into no more than so many pieces altogether, one of each recording at least; each with what drove it for a while before.
 #[must_use]
 pub fn pieces(recordings: &[Recording], most: usize) -> Vec<Recording> {
     let most = (most / recordings.len().max(1)).max(1);
     let mut all = Vec::new();
     for recording in recordings {
         let count = (recording.frames.len() / FEWEST).clamp(1, most);
-        for (k, frames) in parts(recording, count).into_iter().enumerate() {
+        let length_s = length_s_of(recording) / count as f64;
+        let edges = edges(recording, length_s, count, true);
+        for (k, pair) in edges.windows(2).enumerate().filter(|(_, pair)| pair[0] < pair[1]) {
             let name = match count {
                 1 => recording.name.clone(),
                 _ => format!("{}, part {} of {count}", recording.name, k + 1),
             };
-            all.push(Recording { process: recording.process, ..Recording::new(name, frames) });
+            all.push(led(recording, name, pair[0]..pair[1], LED * length_s));
         }
     }
     all
 }
 
-/// Free runs of a length, one behind another, without what is left over at the end, s.
+/// Free runs of a length, one behind another, without what is left over at the end, s; each with what drove it for a while before.
 #[must_use]
 pub fn windows(recording: &Recording, length_s: f64) -> Vec<Recording> {
-    let whole_s = length_s_of(recording);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
-    let count = (whole_s / length_s * (1.0 + 1e-9)) as usize;
-    if count == 0 {
-        return Vec::new();
-    }
-    let begins_ns = recording.frames[0].time_ns;
+    let count = (length_s_of(recording) / length_s * (1.0 + 1e-9)) as usize;
+    let edges = edges(recording, length_s, count, false);
+    edges.windows(2).map(|pair| led(recording, recording.name.clone(), pair[0]..pair[1], LEAD * length_s)).collect()
+}
+
+/// The rows at which so many stretches of a length begin, and where the last one ends: with the recording, where it is to be whole.
+fn edges(recording: &Recording, length_s: f64, count: usize, is_whole: bool) -> Vec<usize> {
+    let begins_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
     let row = |k: usize| {
         let until_s = k as f64 * length_s;
         recording.frames.partition_point(|frame| seconds_from_nanos(frame.time_ns - begins_ns) < until_s)
     };
-    let of = |k: usize| {
-        let frames = recording.frames[row(k)..row(k + 1)].to_vec();
-        Recording { process: recording.process, ..Recording::new(&recording.name, frames) }
-    };
-    (0..count).map(of).collect()
+    (0..=count).map(|k| if is_whole && k == count { recording.frames.len() } else { row(k) }).collect()
+}
+
+/// Some rows of a recording, behind those of a while before in which only the spool is known.
+fn led(recording: &Recording, name: String, rows: Range<usize>, lead_s: f64) -> Recording {
+    let (from_ns, lead_ns) = (recording.frames[rows.start].time_ns, nanos_from_seconds(lead_s));
+    let first = recording.frames[..rows.start].partition_point(|frame| from_ns - frame.time_ns > lead_ns);
+    let mut frames = recording.frames[first..rows.end].to_vec();
+    frames[..rows.start - first].iter_mut().for_each(|frame| frame.measured.servomotor_position_pu = f64::NAN);
+    Recording { process: recording.process, ..Recording::new(name, frames) }
 }
 
 /// How long a recording is, s.
@@ -52,19 +68,4 @@ pub fn length_s_of(recording: &Recording) -> f64 {
         [first, .., last] => seconds_from_nanos(last.time_ns - first.time_ns),
         _ => 0.0,
     }
-}
-
-/// So many parts of equal time.
-fn parts(recording: &Recording, count: usize) -> Vec<Vec<govtwin_model::frame::Frame>> {
-    let mut all = vec![Vec::new(); count];
-    let whole_s = length_s_of(recording).max(f64::MIN_POSITIVE);
-    let begins_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
-    for frame in &recording.frames {
-        let share = seconds_from_nanos(frame.time_ns - begins_ns) / whole_s;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
-        let part = ((share * count as f64) as usize).min(count - 1);
-        all[part].push(*frame);
-    }
-    all.retain(|part| !part.is_empty());
-    all
 }

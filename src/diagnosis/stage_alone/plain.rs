@@ -1,10 +1,12 @@
-//! The plain law of a servomotor stage: a zero of the spool, a dead band about it, one gain each way, and a lag. It needs no sheet and no unit.
+//! The plain law of a servomotor stage: a zero of the spool, a dead band about it, one gain each way, saturation, and a lag. It needs no sheet and no unit.
 //!
-//! `dY/dt = k_o max(u − z − h, 0) + k_c min(u − z + h, 0)`, with `u` the spool some time ago, or settling to it (a valve with dead zone before an integrator: Jelali
-//! & Kroll 2003, *Hydraulic Servo-systems*, section 4.3). The gains are linear in free runs; zero, half width and lag are searched on a grid that
-//! scales with the recording, then by a pattern that halves its steps (Hooke & Jeeves 1961).
+//! `dY/dt = k_o sat(u − z − h) + k_c sat(u − z + h)`, each on its own side of the dead band and no farther than `f` from it, with `u` the spool some time
+//! ago, or settling to it (a valve with dead zone and saturation before an integrator: Jelali & Kroll 2003, *Hydraulic Servo-systems*, section 4.3). The
+//! gains are linear in free runs; zero, half width and lag are searched on a grid that scales with the recording, then by a pattern that halves its
+//! steps (Hooke & Jeeves 1961), and last where the speed saturates, if that pays.
 
 use crate::stage_alone::run::{Lag, Run, typical_s};
+use crate::stage_alone::spread::is_gain;
 
 /// Samples of a run that the grid looks at, and the pattern.
 const LOOKED_AT: (usize, usize) = (800, 5000);
@@ -12,11 +14,21 @@ const LOOKED_AT: (usize, usize) = (800, 5000);
 const ZEROS: usize = 25;
 /// Half widths on the grid, as shares of the spool's usual travel.
 const HALVES: [f64; 6] = [0.0, 0.02, 0.05, 0.1, 0.2, 0.35];
-/// First steps of the pattern, as shares: of the run's length, of the spool's travel twice.
-const STEPS: [f64; 3] = [0.005, 0.02, 0.02];
+/// First steps of the pattern, as shares: of the run's length, and of the spool's travel.
+const STEPS: [f64; 4] = [0.005, 0.02, 0.02, 0.02];
 /// Where the pattern walks, either way: along each axis, and along each edge of the dead band alone, on which one direction of movement depends.
-const DIRECTIONS: [SearchPlace; 5] =
-    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 1.0, -1.0]];
+const DIRECTIONS: [SearchPlace; 6] = [
+    [1.0, 0.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0, 0.0],
+    [0.0, 0.0, 1.0, 0.0],
+    [0.0, 1.0, 1.0, 0.0],
+    [0.0, 1.0, -1.0, 0.0],
+    [0.0, 0.0, 0.0, 1.0],
+];
+/// Where the speed may begin to saturate, as shares of the way from the dead band to the spool's farthest position.
+const SATURATIONS: [f64; 4] = [0.2, 0.4, 0.6, 0.8];
+/// Share of the squared error that saturation must close to be there.
+const LEAST_WORTH: f64 = 0.02;
 /// How often the pattern halves its steps, and how often it walks at one size.
 const WALKS: (usize, usize) = (10, 12);
 
@@ -29,14 +41,16 @@ pub struct Plain {
     pub zero: f64,
     /// Half of the dead band, in the spool's unit.
     pub half_band: f64,
+    /// How far beyond the dead band the speed grows, in the spool's unit; infinite where it never saturates.
+    pub saturates: f64,
     /// Speed for each unit of the spool above the dead band, in the opening's unit per second and unit of the spool.
     pub above_1_s: f64,
     /// The same below it.
     pub below_1_s: f64,
 }
 
-/// Where the search stands: time of the lag, zero, half width.
-type SearchPlace = [f64; 3];
+/// Where the search stands: time of the lag, zero, half width, saturation.
+type SearchPlace = [f64; 4];
 
 impl Plain {
     /// Position at each sample of a run from its first.
@@ -46,21 +60,23 @@ impl Plain {
         let mut at = run.opening[0];
         let mut all = vec![at];
         for k in 1..run.time_s.len() {
-            let [above, below] = self.beyond(0.5 * (spool[k - 1] + spool[k]));
-            at += (run.time_s[k] - run.time_s[k - 1]) * (self.above_1_s * above + self.below_1_s * below);
+            at += (run.time_s[k] - run.time_s[k - 1]) * self.speed(0.5 * (spool[k - 1] + spool[k]));
             all.push(at);
         }
         all
     }
 
-    /// How far the spool stands above and below the dead band.
-    fn beyond(&self, spool: f64) -> [f64; 2] {
-        beyond([self.lag.time_s(), self.zero, self.half_band], spool)
+    /// Speed at a spool position, in the opening's unit per second.
+    #[must_use]
+    pub(crate) fn speed(&self, spool: f64) -> f64 {
+        let [above, below] = beyond([self.lag.time_s(), self.zero, self.half_band, self.saturates], spool);
+        self.above_1_s * above + self.below_1_s * below
     }
 }
 
-fn beyond([_, zero, half]: SearchPlace, spool: f64) -> [f64; 2] {
-    [(spool - zero - half).max(0.0), (spool - zero + half).min(0.0)]
+/// How far the spool stands above and below the dead band, as far as that makes the stage faster.
+fn beyond([_, zero, half, saturates]: SearchPlace, spool: f64) -> [f64; 2] {
+    [(spool - zero - half).clamp(0.0, saturates), (spool - zero + half).clamp(-saturates, 0.0)]
 }
 
 /// Which parts of the law are fitted; the others are none.
@@ -68,7 +84,7 @@ fn beyond([_, zero, half]: SearchPlace, spool: f64) -> [f64; 2] {
 pub(crate) struct Parts {
     /// The dead band.
     pub band: bool,
-    /// The lag.
+    /// The lag, and saturation.
     pub lag: bool,
 }
 
@@ -101,7 +117,7 @@ pub(crate) fn plain_of(runs: &[Run], parts: Parts) -> Option<Plain> {
         let lagged = Lagged::of(&coarse, lag);
         for zero in (0..=ZEROS).filter_map(|k| at(k as f64 / ZEROS as f64)) {
             for &half in &HALVES[..if parts.band { HALVES.len() } else { 1 }] {
-                let place = [lag.time_s(), zero, half * travel];
+                let place = [lag.time_s(), zero, half * travel, f64::INFINITY];
                 let missed = lagged.gains(place).2;
                 if best.is_none_or(|(least, ..)| missed < least) {
                     best = Some((missed, lag, place));
@@ -109,39 +125,84 @@ pub(crate) fn plain_of(runs: &[Run], parts: Parts) -> Option<Plain> {
             }
         }
     }
-    let (_, lag, mut place) = best?;
+    let (_, lag, place) = best?;
     let fine: Vec<Run> = runs.iter().map(|run| run.thinned(LOOKED_AT.1)).collect();
-    let missed = |place: SearchPlace| Lagged::of(&fine, lag.with_time(place[0])).gains(place).2;
-    let mut least = missed(place);
-    let mut steps = [STEPS[0] * length_s, STEPS[1] * travel, STEPS[2] * travel];
-    let directions: Vec<SearchPlace> = DIRECTIONS
-        .into_iter()
-        .filter(|[time, _, half]| (parts.lag || *time == 0.0) && (parts.band || *half == 0.0))
-        .flat_map(|direction| [direction, direction.map(|one| -one)])
-        .collect();
-    for _ in 0..WALKS.0 {
-        for _ in 0..WALKS.1 {
-            let before = least;
-            for direction in &directions {
-                let other: SearchPlace = std::array::from_fn(|k| {
-                    let moved = place[k] + direction[k] * steps[k];
-                    // Neither lag nor width is below nothing.
-                    if k == 1 { moved } else { moved.max(0.0) }
-                });
-                let now = missed(other);
-                if now < least {
-                    (least, place) = (now, other);
-                }
-            }
-            if least == before {
-                break;
-            }
-        }
-        steps = steps.map(|step| 0.5 * step);
-    }
+    let search = Search { runs: &fine, lag, parts, steps: [length_s, travel, travel, travel] };
+    let plain = search.pattern(place);
+    let [_, zero, half, _] = plain;
+    let farthest = (at(1.0)? - zero).max(zero - at(0.0)?) - half;
+    let saturated = if parts.lag { search.saturated(plain, farthest) } else { None };
+    let place = saturated.unwrap_or(plain);
     let lag = lag.with_time(place[0]);
     let (above_1_s, below_1_s, _) = Lagged::of(&fine, lag).gains(place);
-    Some(Plain { lag, zero: place[1], half_band: place[2], above_1_s, below_1_s })
+    Some(Plain { lag, zero: place[1], half_band: place[2], saturates: place[3], above_1_s, below_1_s })
+}
+
+/// The search about a place on the grid.
+struct Search<'a> {
+    runs: &'a [Run],
+    lag: Lag,
+    parts: Parts,
+    /// What the first steps are shares of.
+    steps: SearchPlace,
+}
+
+impl Search<'_> {
+    fn missed(&self, place: SearchPlace) -> f64 {
+        Lagged::of(self.runs, self.lag.with_time(place[0])).gains(place).2
+    }
+
+    /// The best that a pattern finds from a place.
+    fn pattern(&self, mut place: SearchPlace) -> SearchPlace {
+        let mut least = self.missed(place);
+        let mut steps: SearchPlace = std::array::from_fn(|k| STEPS[k] * self.steps[k]);
+        let directions: Vec<SearchPlace> = DIRECTIONS
+            .into_iter()
+            .filter(|[time, _, half, _]| (self.parts.lag || *time == 0.0) && (self.parts.band || *half == 0.0))
+            .filter(|[.., saturates]| *saturates == 0.0 || place[3].is_finite())
+            .flat_map(|direction| [direction, direction.map(|one| -one)])
+            .collect();
+        for _ in 0..WALKS.0 {
+            for _ in 0..WALKS.1 {
+                let before = least;
+                for direction in &directions {
+                    let other: SearchPlace = std::array::from_fn(|k| {
+                        let moved = place[k] + direction[k] * steps[k];
+                        // Neither lag nor width is below nothing.
+                        if k == 1 { moved } else { moved.max(0.0) }
+                    });
+                    let now = self.missed(other);
+                    if now < least {
+                        (least, place) = (now, other);
+                    }
+                }
+                if least == before {
+                    break;
+                }
+            }
+            steps = steps.map(|step| 0.5 * step);
+        }
+        place
+    }
+
+    /// The same where the speed saturates short of the spool's farthest position; none where that does not pay, over all and between runs.
+    fn saturated(&self, plain: SearchPlace, farthest: f64) -> Option<SearchPlace> {
+        let starts = SATURATIONS.map(|share| [plain[0], plain[1], plain[2], share * farthest]);
+        let start = starts.into_iter().min_by(|a, b| self.missed(*a).total_cmp(&self.missed(*b)))?;
+        let found = self.pattern(start);
+        let [before, after] = [plain, found].map(|place| {
+            let lagged = Lagged::of(self.runs, self.lag.with_time(place[0]));
+            let gains = lagged.gains(place);
+            lagged.missed(place, [gains.0, gains.1])
+        });
+        let gained: Vec<f64> = before
+            .iter()
+            .zip(&after)
+            .map(|(a, b)| (a.max(f64::MIN_POSITIVE) / b.max(f64::MIN_POSITIVE)).ln())
+            .collect();
+        let closes = after.iter().sum::<f64>() < (1.0 - LEAST_WORTH) * before.iter().sum::<f64>();
+        (closes && found[3] > 0.0 && is_gain(&gained)).then_some(found)
+    }
 }
 
 /// Runs with the spool as it stood some time ago: middle of each step, its length, and the movement since the start.
@@ -192,5 +253,19 @@ impl Lagged {
         }
         let both = (ay + by) / square;
         (both, both, yy - both * (ay + by))
+    }
+
+    /// Sum of squares that each run misses with these gains above and below.
+    fn missed(&self, place: SearchPlace, gains: [f64; 2]) -> Vec<f64> {
+        let of = |run: &Vec<[f64; 3]>| {
+            let mut at = 0.0;
+            let square = |&[spool, step_s, moved]: &[f64; 3]| {
+                let [above, below] = beyond(place, spool);
+                at += step_s * (gains[0] * above + gains[1] * below);
+                (moved - at).powi(2)
+            };
+            run.iter().map(square).sum()
+        };
+        self.steps.iter().map(of).collect()
     }
 }

@@ -14,6 +14,9 @@ const TITLES: [(&str, PlainKind); 6] = [
     ("set point with lag", PlainKind::SetPoint),
 ];
 
+/// What the time constant of a lag is called.
+pub(crate) const LAG: &str = "lag";
+
 /// What the play of a loop is called: one that stops short of where it is sent by half of a width tells no more.
 const PLAY: &str = "backlash or dead band, full width";
 
@@ -96,6 +99,7 @@ fn integrator(runs: &[Run]) -> Option<Plain> {
         lag: Lag::Dead(0.0),
         zero,
         half_band: 0.0,
+        saturates: f64::INFINITY,
         above_1_s: best[0],
         below_1_s: best[0],
     })
@@ -117,18 +121,21 @@ impl PlainModel {
         let rate = || "of the position per second".to_owned();
         let (in_drive, seconds) = (format!("of the {drive}"), || "s".to_owned());
         match *self {
-            Self::Sum(kind, Plain { lag, zero, half_band, above_1_s, below_1_s }) => {
+            Self::Sum(kind, Plain { lag, zero, half_band, saturates, above_1_s, below_1_s }) => {
                 let mut all = match kind {
                     PlainKind::Integrator => vec![of("gain", above_1_s, speed())],
                     _ => vec![of("gain above zero", above_1_s, speed()), of("gain below zero", below_1_s, speed())],
                 };
                 all.push(of("zero", zero, in_drive.clone()));
                 if matches!(kind, PlainKind::DeadZone | PlainKind::PlainLaw) {
-                    all.push(of("dead band, full width", 2.0 * half_band, in_drive));
+                    all.push(of("dead band, full width", 2.0 * half_band, in_drive.clone()));
                 }
                 if kind == PlainKind::PlainLaw {
-                    let name = if matches!(lag, Lag::Dead(_)) { "delay" } else { "lag" };
+                    let name = if matches!(lag, Lag::Dead(_)) { "delay" } else { LAG };
                     all.push(of(name, lag.time_s(), seconds()));
+                    if saturates.is_finite() {
+                        all.push(of("saturates beyond the dead band by", saturates, in_drive));
+                    }
                 }
                 all
             }
@@ -136,7 +143,7 @@ impl PlainModel {
                 let mut all = vec![
                     of("gain", law.gain, format!("of the position per unit of the {drive}")),
                     of("level", law.level, "of the position".to_owned()),
-                    of("lag", law.lag_s, seconds()),
+                    of(LAG, law.lag_s, seconds()),
                 ];
                 if kind == PlainKind::SetPoint {
                     all.push(of("delay", law.delay_s, seconds()));

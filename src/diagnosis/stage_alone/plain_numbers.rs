@@ -42,6 +42,8 @@ impl PlainNumbers {
                 }
                 if kind == PlainKind::PlainLaw {
                     all.push(positive(law.lag.time_s(), length_s));
+                    // What is not there is not turned.
+                    all.extend(law.saturates.is_finite().then(|| positive(law.saturates, drive)));
                 }
                 all
             }
@@ -102,6 +104,7 @@ fn turned(model: PlainModel, numbers: &[f64]) -> PlainModel {
                     below_1_s: numbers.get(2).copied().unwrap_or(above_1_s),
                     half_band: numbers.get(3).copied().unwrap_or(law.half_band),
                     lag: numbers.get(4).map_or(law.lag, |time_s| law.lag.with_time(*time_s)),
+                    saturates: numbers.get(5).copied().unwrap_or(law.saturates),
                 },
             )
         }

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::likelihood::prepared::PreparedRecording;
+use crate::likelihood::prepared::{PreparedRecording, is_held};
 use govtwin_model::frame::Frame;
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
@@ -15,6 +15,9 @@ const LAG_SHARES: [f64; 8] = [0.0, 0.003, 0.006, 0.012, 0.02, 0.03, 0.05, 0.08];
 
 /// Weight of the ridge that keeps shapes which never act from standing for anything.
 const RIDGE: f64 = 1e-9;
+
+/// How much of what drove it before a free run is looked at, as a share of the run's length: several times any lag that is usual in it.
+pub(crate) const LEAD: f64 = 0.5;
 
 /// How what the spool does comes late.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,8 +54,10 @@ impl Lag {
 }
 
 /// One free run, in the units of its recording.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Run {
+    /// Time, below 0, and spool position before its beginning, where they are known: what comes late has a history.
+    pub before: Vec<(f64, f64)>,
     /// Time since its beginning, s.
     pub time_s: Vec<f64>,
     /// Spool position at each sample.
@@ -71,17 +76,24 @@ impl Run {
 
     /// The same of what else is read off a sample for spool and servomotor.
     pub(crate) fn read(recording: &PreparedRecording, both: impl Fn(&Frame) -> [f64; 2]) -> Option<Self> {
-        let mut run = Self { time_s: Vec::new(), spool: Vec::new(), opening: Vec::new() };
-        let mut begins_ns = None;
+        let mut run = Self::default();
+        let first = recording.samples.iter().map(|&row| &recording.frames[row]).find(|frame| is_whole(both(frame)))?;
+        let since_s = |frame: &Frame| seconds_from_nanos(frame.time_ns - first.time_ns);
         for &row in &recording.samples {
             let frame = &recording.frames[row];
             let [spool, opening] = both(frame);
-            if spool.is_finite() && opening.is_finite() {
-                run.time_s.push(seconds_from_nanos(frame.time_ns - *begins_ns.get_or_insert(frame.time_ns)));
+            if is_whole([spool, opening]) {
+                run.time_s.push(since_s(frame));
                 run.spool.push(spool);
                 run.opening.push(opening);
             }
         }
+        let frames = &recording.frames;
+        let before = (0..frames.len()).take_while(|&row| frames[row].time_ns < first.time_ns);
+        // A run is of rows as they were recorded: that they are held is half a row more of its lag.
+        let before = before.filter(|&row| !is_held(frames, row)).map(|row| &frames[row]);
+        let known = before.map(|frame| (since_s(frame), both(frame)[0])).filter(|(_, spool)| spool.is_finite());
+        run.before.extend(known);
         (run.time_s.len() > 2).then_some(run)
     }
 
@@ -107,33 +119,42 @@ impl Run {
         }
     }
 
+    /// Time and spool from before the beginning to the end.
+    pub(crate) fn driven(&self) -> Vec<(f64, f64)> {
+        let own = self.time_s.iter().copied().zip(self.spool.iter().copied());
+        self.before.iter().copied().chain(own).collect()
+    }
+
     /// The spool a while ago.
     fn earlier(&self, lag_s: f64) -> Vec<f64> {
+        let driven = self.driven();
         let mut next = 0;
         let at = |time_s: &f64| {
             let time_s = time_s - lag_s;
-            while next < self.time_s.len() && self.time_s[next] <= time_s {
+            while next < driven.len() && driven[next].0 <= time_s {
                 next += 1;
             }
             // A lag that rounds away leaves the last sample at its own time.
-            if next == 0 || next == self.time_s.len() {
-                return self.spool[next.saturating_sub(1)];
+            if next == 0 || next == driven.len() {
+                return driven[next.saturating_sub(1)].1;
             }
-            let share = (time_s - self.time_s[next - 1]) / (self.time_s[next] - self.time_s[next - 1]);
-            self.spool[next - 1] + share * (self.spool[next] - self.spool[next - 1])
+            let [(from_s, from), (to_s, to)] = [driven[next - 1], driven[next]];
+            from + (time_s - from_s) / (to_s - from_s) * (to - from)
         };
         self.time_s.iter().map(at).collect()
     }
 
     /// What settles to the spool, exact where that runs straight between samples.
     fn settled(&self, constant_s: f64) -> Vec<f64> {
-        let mut at = self.spool[0];
+        let driven = self.driven();
+        let mut at = driven[0].1;
         let mut all = vec![at];
-        for k in 1..self.time_s.len() {
-            at = settled(at, [self.spool[k - 1], self.spool[k]], self.time_s[k] - self.time_s[k - 1], constant_s);
+        for pair in driven.windows(2) {
+            let [(from_s, from), (to_s, to)] = [pair[0], pair[1]];
+            at = settled(at, [from, to], to_s - from_s, constant_s);
             all.push(at);
         }
-        all
+        all.split_off(self.before.len())
     }
 
     /// Free runs of a length, one behind another, each from its own measured start, without what is left over at the end, s.
@@ -146,7 +167,11 @@ impl Run {
                 continue;
             }
             if k - from > 1 {
+                let lead = from - self.time_s[..from].partition_point(|t| self.time_s[from] - t > LEAD * length_s);
                 all.push(Self {
+                    before: (from - lead..from)
+                        .map(|row| (self.time_s[row] - self.time_s[from], self.spool[row]))
+                        .collect(),
                     time_s: self.time_s[from..=k].iter().map(|time_s| time_s - self.time_s[from]).collect(),
                     spool: self.spool[from..=k].to_vec(),
                     opening: self.opening[from..=k].to_vec(),
@@ -162,8 +187,14 @@ impl Run {
     pub fn thinned(&self, most: usize) -> Self {
         let every = self.time_s.len().div_ceil(most.max(3)).max(1);
         let of = |all: &[f64]| all.iter().step_by(every).copied().collect();
-        Self { time_s: of(&self.time_s), spool: of(&self.spool), opening: of(&self.opening) }
+        let mut before: Vec<(f64, f64)> = self.before.iter().rev().skip(every - 1).step_by(every).copied().collect();
+        before.reverse();
+        Self { before, time_s: of(&self.time_s), spool: of(&self.spool), opening: of(&self.opening) }
     }
+}
+
+fn is_whole(both: [f64; 2]) -> bool {
+    both.iter().all(|value| value.is_finite())
 }
 
 /// Where a first-order lag stands after a step of time over which its goal runs straight from one value to another.
@@ -333,7 +364,8 @@ mod tests {
     /// A fit may end at a lag of next to nothing.
     #[test]
     fn a_lag_that_rounds_away_is_none() {
-        let run = Run { time_s: vec![0.0, 0.5, 60.0], spool: vec![0.0, 0.2, 0.7], opening: vec![0.0; 3] };
+        let run =
+            Run { time_s: vec![0.0, 0.5, 60.0], spool: vec![0.0, 0.2, 0.7], opening: vec![0.0; 3], ..Run::default() };
         assert_eq!(run.lagged(Lag::Dead(1e-18)), run.spool);
         assert_eq!(run.lagged(Lag::Dead(0.5)), [0.0, 0.0, 0.2 + 0.5 * 59.0 / 59.5]);
     }

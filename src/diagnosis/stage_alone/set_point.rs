@@ -272,7 +272,7 @@ mod tests {
             (state >> 11) as f64 / (1_u64 << 53) as f64
         };
         let (mut command, mut until_s) = (0.5, 0.0);
-        let mut run = Run { time_s: vec![], spool: vec![], opening: vec![0.5] };
+        let mut run = Run { opening: vec![0.5], ..Run::default() };
         for k in 0..6000 {
             let time_s = f64::from(k) * 0.02;
             if time_s >= until_s {
@@ -306,6 +306,7 @@ mod tests {
     /// The same run in other units of command and position, and by another clock.
     fn in_units(run: &Run, slower: f64, command: f64, position: f64) -> Run {
         Run {
+            before: run.before.iter().map(|(t, u)| (slower * t, command * u - 3.0)).collect(),
             time_s: run.time_s.iter().map(|t| slower * t).collect(),
             spool: run.spool.iter().map(|u| command * u - 3.0).collect(),
             opening: run.opening.iter().map(|y| position * y + 20.0).collect(),

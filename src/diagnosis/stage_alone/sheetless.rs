@@ -1,13 +1,15 @@
 //! A unit without a data sheet: a symmetric servomotor stage of the right speed, every tolerance wide, nothing else known.
 //!
-//! It has the reference unit's geometry, scaled so that it moves as fast as the recordings say. Areas and load balance, so that both
+//! It has the reference unit's geometry, on a clock that makes it as fast as the recordings say. Areas and load balance, so that both
 //! directions are alike until an effect makes them differ; what an effect's size means in a unit of unknown size is its ratio to this one.
 
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::{Noise, expected};
-use crate::likelihood::prepared::{PreparedRecording, join_spool};
+use crate::likelihood::prepared::{PreparedRecording, hold_spool, join_spool};
+use crate::stage_alone::competing_laws::Follows;
+use crate::stage_alone::end_stops::{BetweenStops, between_stops};
 use crate::stage_alone::flexible::{Flexible, flexible};
-use crate::stage_alone::pieces::pieces;
+use crate::stage_alone::pieces::{PIECES, pieces};
 use crate::stage_alone::plain::{Plain, plain};
 use crate::stage_alone::run::Run;
 use govtwin_model::effects::{CATALOGUE, Stage};
@@ -22,24 +24,21 @@ const FRICTION_SHARE: f64 = 0.02;
 /// Damping at full speed, as a share of the force that moves the piston.
 const DAMPING_SHARE: f64 = 0.1;
 /// Time to reach speed over the time for a full stroke.
-const INERTIA_SHARE: f64 = 0.01;
+const INERTIA_SHARE: f64 = 0.001;
 /// Least overlap that a fit starts from, over the farthest spool position.
 const OVERLAP_SHARE: f64 = 0.01;
 /// Share of its stroke that the servomotor is taken to have travelled, and where that begins, pu.
 const TRAVELLED: (f64, f64) = (0.9, 0.05);
+/// Lag of the plain law, in times between rows, from which on the spool is taken as held: half of one, and what a fit may miss of it.
+const HELD_FROM: f64 = 0.4;
 /// Steps between the spool's ends to which its zero is rounded before the fit.
 const ZERO_STEPS: f64 = 100.0;
-/// Pieces that all recordings together are cut into, at most.
-const PIECES: usize = 6;
-/// How much smaller or larger than drawn areas may be taken.
-const AREA_SCALES: (f64, f64) = (1e-2, 50.0);
 /// What the wide tolerances are: a factor of e either way is one and a half deviations or less.
-const WIDE: [(&str, f64); 5] = [
+const WIDE: [(&str, f64); 4] = [
     ("main_ports.width_m", 1.5),
     ("main_ports.overlap_m", 1.5),
     ("servomotor.viscous_damping_n_s_m", 1.5),
     ("servomotor.coulomb_friction_n", 1.0),
-    ("servomotor.moving_mass_kg", 1.0),
 ];
 /// The effect that takes up where the spool's zero lies, which nobody knows without a sheet.
 const SPOOL_ZERO: &str = "lvdt_bias";
@@ -61,37 +60,76 @@ pub struct Sheetless {
     pub noise: Noise,
     /// What was done, in sentences.
     pub notes: Vec<String>,
+    /// The plain law.
+    pub law: Plain,
+    /// The most flexible law of spool and opening.
+    pub seen: Flexible,
+    /// What the position makes of the spool.
+    pub follows: Follows,
+    /// Share of the squared movement that is left on runs left out, where it sums the spool up, settles to it, or does neither.
+    pub left: [f64; 3],
+    /// Half of the time between rows where the spool is held from row to row, s; else 0.
+    pub held_s: f64,
 }
 
 /// Makes recordings ready; none where spool or servomotor stand still.
 ///
 /// All that follows sees positions in pu of what was travelled, about the zero of the spool that the plain law finds, so that scale, offset and sign
-/// of either channel make no difference.
+/// of either channel make no difference. A spool that acts half a row late or more is taken as held from row to row where it may be.
 #[must_use]
-pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit) -> Option<Sheetless> {
+pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit, may_hold: bool) -> Option<Sheetless> {
     for recording in &mut whole {
         join_spool(&mut recording.frames);
     }
     let recordings = |whole: &[Recording]| -> Vec<PreparedRecording> {
-        pieces(whole, PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect()
+        pieces(whole, PIECES).into_iter().map(PreparedRecording::free_run).collect()
     };
-    let as_recorded = recordings(&whole);
-    let (channels, mut notes) = into_pu(&mut whole, &plain(&Run::all(&as_recorded))?)?;
+    let BetweenStops { law, follows, left, stopped } = between_stops(&whole)?;
+    let stopped_words = stopped.map(|(stopped, times)| {
+        whole = stopped;
+        format!(
+            "The servomotor rests {times} times at an end of its travel although the spool drives it on: a stop holds it there, and the spool is \
+             taken as closed."
+        )
+    });
+    let period_s = recordings(&whole).first().map_or(0.1, |recording| recording.period_s);
+    let held_s = if may_hold && law.lag.time_s() >= HELD_FROM * period_s { 0.5 * period_s } else { 0.0 };
+    let (channels, mut notes) = into_pu(&mut whole, &law)?;
+    notes.extend(stopped_words);
+    if held_s > 0.0 {
+        whole.iter_mut().for_each(|recording| hold_spool(&mut recording.frames));
+        notes.push(
+            "The servomotor follows the spool by half of the time between rows or more: the spool is taken as held from row to row, as a digital \
+             controller sends it."
+                .to_owned(),
+        );
+    }
     let pieces = recordings(&whole);
     let runs = Run::all(&pieces);
     let law = plain(&runs)?;
     let seen = flexible(&runs, &law)?;
-    let mut unit = unit(reference, &law, pieces.first().map_or(0.1, |recording| recording.period_s));
-    unit.recorded = channels;
+    let unit = unit(reference, channels, &law, period_s);
     let mut noise = expected(&reference.sensors);
     noise[Signal::ServomotorPosition as usize] = seen.noise;
     notes.push(
-        "No data sheet: speed, overlap, damping, friction, mass and the spool's zero are fitted freely, from a stage that is equal in both \
+        "No data sheet: speed, overlap, damping, friction and the spool's zero are fitted freely, from a stage that is equal in both \
          directions. Sizes are those of a servomotor with the reference unit's geometry; only ratios carry over."
             .to_owned(),
     );
     notes.push(error_of_equations(&seen));
-    Some(Sheetless { whole, pieces, free_parameters: free_parameters(&unit), unit, noise, notes })
+    Some(Sheetless {
+        whole,
+        pieces,
+        free_parameters: free_parameters(&unit),
+        unit,
+        noise,
+        notes,
+        law,
+        seen,
+        follows,
+        left,
+        held_s,
+    })
 }
 
 /// What is taken for noise where no sheet names a transducer.
@@ -104,8 +142,8 @@ fn error_of_equations(seen: &Flexible) -> String {
     )
 }
 
-/// The unit, made to the speed and the dead band of the recordings; `period_s` is the time between their samples.
-fn unit(reference: &Unit, law: &Plain, period_s: f64) -> Unit {
+/// The unit, made to the dead band of the recordings, on a clock made to their speed; `period_s` is the time between their samples.
+fn unit(reference: &Unit, channels: ChannelReadings, law: &Plain, period_s: f64) -> Unit {
     let mut unit = reference.clone();
     let p = &mut unit.parameters;
     let (supply_pa, return_pa) = (p.oil.tank_pressure_pa, p.oil.return_pressure_pa);
@@ -114,31 +152,26 @@ fn unit(reference: &Unit, law: &Plain, period_s: f64) -> Unit {
     let servo = &mut p.servomotor;
     // The farthest position of the spool is 1 pu.
     let open_pu = (1.0 - law.half_band).clamp(0.1, 1.0);
-    let gain_1_s = 0.5 * (law.above_1_s.abs() + law.below_1_s.abs());
-    let speed_m_s = (gain_1_s * open_pu * servo.stroke_m).max(1e-6);
     let travel_m = open_pu * valve.reference_stroke_m;
     p.main_ports.overlap_m = law.half_band.clamp(OVERLAP_SHARE, 0.5) * valve.reference_stroke_m;
 
-    // Areas make the speed, so that flows stay what the sizes of effects are meant for; the width makes up what areas cannot.
     let (large_m2, load_n) = (servo.opening_area_m2, LOAD_SHARE * supply_pa * servo.opening_area_m2);
     let small_m2 = large_m2 - 2.0 * load_n / (supply_pa + return_pa);
-    let friction_n = FRICTION_SHARE * supply_pa * large_m2;
-    let drive_n = supply_pa * large_m2 - return_pa * small_m2 - load_n - friction_n;
+    servo.coulomb_friction_n = FRICTION_SHARE * supply_pa * large_m2;
+    let drive_n = supply_pa * large_m2 - return_pa * small_m2 - load_n - servo.coulomb_friction_n;
     let per_width = p.esv.discharge_coefficient * (2.0 / p.oil.density_kg_m3).sqrt() * travel_m * drive_n.sqrt();
-    let as_drawn_m_s = per_width * p.main_ports.width_m / (large_m2.powi(3) + small_m2.powi(3)).sqrt();
-    let scale = (as_drawn_m_s / speed_m_s).clamp(AREA_SCALES.0, AREA_SCALES.1);
-    p.main_ports.width_m = (p.main_ports.width_m * scale * speed_m_s / as_drawn_m_s).clamp(1e-5, 5.0);
+    let speed_m_s = per_width * p.main_ports.width_m / (large_m2.powi(3) + small_m2.powi(3)).sqrt();
     // The load helps the faster direction, which is the opening one here, and whose area is the smaller.
-    (servo.opening_area_m2, servo.closing_area_m2, servo.load_closed_n) =
-        (scale * small_m2, scale * large_m2, -scale * load_n);
+    (servo.opening_area_m2, servo.closing_area_m2, servo.load_closed_n) = (small_m2, large_m2, -load_n);
     servo.load_slope_n = 0.0;
-    servo.coulomb_friction_n = scale * friction_n;
-    servo.dead_volume_m3 *= scale;
-    servo.viscous_damping_n_s_m = DAMPING_SHARE * scale * drive_n / speed_m_s;
-    let mass_kg = INERTIA_SHARE * scale * drive_n * servo.stroke_m / (speed_m_s * speed_m_s);
-    servo.moving_mass_kg = mass_kg.clamp(1.0, 1.0e10);
+    servo.viscous_damping_n_s_m = DAMPING_SHARE * drive_n / speed_m_s;
+    servo.moving_mass_kg = INERTIA_SHARE * drive_n * servo.stroke_m / (speed_m_s * speed_m_s);
+
+    let recorded_m_s = 0.5 * (law.above_1_s.abs() + law.below_1_s.abs()) * open_pu.min(law.saturates) * servo.stroke_m;
+    let time_scale = (recorded_m_s / speed_m_s).max(f64::MIN_POSITIVE);
+    unit.recorded = ChannelReadings { time_scale, ..channels };
     // Ticks as long as the recording allows; the large loop does nothing here.
-    p.regulator.small_loop_period_s = (0.1 * period_s).clamp(1e-4, 0.02);
+    p.regulator.small_loop_period_s = (0.1 * period_s * time_scale).clamp(1e-4, 0.02);
     p.regulator.large_loop_period_s = 10.0 * p.regulator.small_loop_period_s;
     for (tolerance, entry) in unit.tolerances.iter_mut().zip(ENTRIES) {
         *tolerance = WIDE.iter().find(|(key, _)| *key == entry.key).map(|(_, wide)| Tolerance::LogNormal(*wide));
@@ -211,6 +244,7 @@ fn into_pu(recordings: &mut [Recording], law: &Plain) -> Option<(ChannelReadings
     let channels = ChannelReadings {
         spool_position: ChannelReading::between(zero, full),
         servomotor_position: ChannelReading { scale_pu, offset_pu: TRAVELLED.1 - begins * scale_pu },
+        time_scale: 1.0,
     };
     for frame in recordings.iter_mut().flat_map(|recording| &mut recording.frames) {
         let measured = &mut frame.measured;

@@ -88,7 +88,7 @@ mod tests {
             let slope = 2.0 + deviation * 12.0_f64.sqrt() * even();
             let time_s: Vec<f64> = (0..50).map(f64::from).collect();
             let opening = time_s.iter().map(|t| slope * t + 0.01 * even()).collect();
-            Run { spool: time_s.clone(), opening, time_s }
+            Run { spool: time_s.clone(), opening, time_s, ..Run::default() }
         };
         (0..12).map(|_| run()).collect()
     }

@@ -80,7 +80,7 @@ mod tests {
         let time_s: Vec<f64> = (0..4000).map(|k| f64::from(k) * period_s / rate).collect();
         let opening =
             time_s.iter().map(|t| scale * (std::f64::consts::TAU * t / period_s).sin() + 7.0 * scale).collect();
-        Run { spool: vec![0.0; time_s.len()], time_s, opening }
+        Run { spool: vec![0.0; time_s.len()], time_s, opening, ..Run::default() }
     }
 
     #[test]

@@ -13,9 +13,9 @@ use crate::model::FittedModel;
 use crate::preparation::{Preparation, StageAlone};
 use crate::result::{ComparedModel, ModelParameter};
 use crate::stage_alone::command::Deviation;
-use crate::stage_alone::pieces::{pieces, windows};
+use crate::stage_alone::pieces::windows;
 use crate::stage_alone::plain::Plain;
-use crate::stage_alone::plain_models::{PlainKind, PlainModel};
+use crate::stage_alone::plain_models::{LAG, PlainKind, PlainModel};
 use crate::stage_alone::plain_numbers::PlainNumbers;
 use crate::stage_alone::run::Run;
 use crate::stage_alone::spread::is_gain;
@@ -124,10 +124,28 @@ impl Compared {
         Some(PlainLaw { law: *law, numbers, is_better })
     }
 
+    /// Whether a plain model that sums up what drives it predicts better than all that settle.
+    pub(crate) fn sums_up(&self) -> bool {
+        let least = |settles: bool| {
+            let plain = self.models.iter().filter(|model| {
+                PlainKind::titled(&model.model).is_some_and(|kind| model.is_plain && kind.settles() == settles)
+            });
+            plain.map(|model| model.held_out).min_by(f64::total_cmp)
+        };
+        least(false).zip(least(true)).is_some_and(|(sum, settled)| sum < settled)
+    }
+
+    /// Whether a model settles within a run: one that would only long after it is a sum with a leak, and its set point means nothing.
+    fn settles_in_time(&self, model: &ComparedModel) -> bool {
+        let lag_s = model.parameters.iter().find(|parameter| parameter.name == LAG).map_or(0.0, |lag| lag.value);
+        PlainKind::titled(&model.model).is_none_or(|kind| !kind.settles() || lag_s <= self.free_run_s)
+    }
+
     /// The plain model that wins.
     pub(crate) fn winner(&self) -> Option<&ComparedModel> {
         let best = |plain: bool| {
             let models = self.models.iter().filter(|model| model.is_plain == plain && model.held_out.is_finite());
+            let models = models.filter(|model| self.settles_in_time(model));
             models.min_by(|a, b| a.held_out.total_cmp(&b.held_out))
         };
         let plain = best(true)?;
@@ -200,15 +218,15 @@ fn wins(one: &ComparedModel, other: &ComparedModel) -> bool {
 /// Free runs of the recordings, by half: of several recordings the first ones and the others; none where a half has none.
 fn halves(whole: &[Recording], length_s: f64) -> Option<[Vec<PreparedRecording>; 2]> {
     let of = |half: &[Recording]| -> Vec<PreparedRecording> {
-        let runs =
-            half.iter().flat_map(|recording| windows(recording, length_s)).map(PreparedRecording::servomotor_stage);
+        let runs = half.iter().flat_map(|recording| windows(recording, length_s)).map(PreparedRecording::free_run);
         runs.filter(|recording| recording.samples.len() > 2).collect()
     };
     let halves = match whole {
-        [_] => match pieces(whole, 2).as_slice() {
-            [first, second] => [of(std::slice::from_ref(first)), of(std::slice::from_ref(second))],
-            _ => return None,
-        },
+        [_] => {
+            let mut first = of(whole);
+            let second = first.split_off(first.len() / 2);
+            [first, second]
+        }
         several => {
             let (first, second) = several.split_at(several.len() / 2);
             [of(first), of(second)]
@@ -259,6 +277,10 @@ fn looped(piece: &PreparedRecording, unit: &Unit, deviation: Deviation) -> Vec<f
     let mut known: Option<[(i64, f64); 2]> = None;
     for (row, frame) in piece.frames.iter().enumerate() {
         let mut frame = *frame;
+        if piece.samples.first().is_some_and(|first| row < *first) {
+            twin.advance(&frame);
+            continue;
+        }
         if let Some([(before_ns, before), (last_ns, last)]) = known {
             let steps = (frame.time_ns - last_ns) as f64 / (last_ns - before_ns).max(1) as f64;
             let foreseen = last + (last - before) * steps.min(1.0);

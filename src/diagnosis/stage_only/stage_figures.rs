@@ -46,6 +46,9 @@ const FIGURES: [(&str, &str, &str); 7] = [
     ("lag_s", "lag behind the spool", "s"),
 ];
 
+/// Place of the lag among them.
+const LAG: usize = 6;
+
 /// The plain law beside a twin, in the numbers of the recordings.
 pub(crate) struct PlainLaw<'a> {
     /// The law.
@@ -64,6 +67,8 @@ pub fn stage_figures(model: &FittedModel, law: &Plain, recordings: &[PreparedRec
 
 /// The same where no data sheet is known, beside the plain law in the numbers of the recordings.
 ///
+/// The spool may be held for `held_s` of what is a lag behind it by the plain law; the twin has that in its rows.
+///
 /// Where one of the two predicts clearly better, its figures are given, else the mean of both: what their laws differ by is part of the interval, as of
 /// two laws that are equally likely (Hoeting et al. 1999, *Bayesian Model Averaging: A Tutorial*).
 #[must_use]
@@ -72,16 +77,22 @@ pub(crate) fn sheetless_figures(
     law: &Plain,
     recordings: &[PreparedRecording],
     plain: Option<PlainLaw<'_>>,
+    held_s: f64,
 ) -> Vec<StageFigure> {
     let mut all = fitted(model, law, recordings, between_pieces(model).as_ref());
+    // Whether it is held, or as much later, nobody can tell.
+    all[LAG][1] += held_s;
     let Some(plain) = plain.filter(|plain| plain.is_better != Some(false)) else { return told(all) };
     let ends = farthest(recordings).map(|pu| model.unit().recorded.spool_position.recorded(pu));
-    let values = figures_of(&plain.law, ends);
+    let mut values = figures_of(&plain.law, ends);
+    values[LAG] = (values[LAG] - held_s).max(0.0);
     let of = |model: &PlainModel| match model {
         PlainModel::Sum(_, law) => figures_of(law, ends).to_vec(),
         PlainModel::SetPoint(..) => vec![f64::NAN; FIGURES.len()],
     };
-    for ((one, value), half) in all.iter_mut().zip(values).zip(plain.numbers.half_widths(of)) {
+    let mut halves = plain.numbers.half_widths(of);
+    halves[LAG] += held_s;
+    for ((one, value), half) in all.iter_mut().zip(values).zip(halves) {
         let other = [value, half];
         *one = if plain.is_better == Some(true) { other } else { mixed(*one, other) };
     }
@@ -166,13 +177,8 @@ fn between_pieces(model: &FittedModel) -> Option<(DMatrix<f64>, f64)> {
 
 /// The figures of a plain law at the farthest positions of the spool, all as recorded.
 fn figures_of(law: &Plain, ends: [f64; 2]) -> [f64; FIGURES.len()] {
-    let speed = |spool: f64| {
-        let above = (spool - law.zero - law.half_band).max(0.0);
-        let below = (spool - law.zero + law.half_band).min(0.0);
-        law.above_1_s * above + law.below_1_s * below
-    };
     let edge = |end: f64| if end > law.zero { law.zero + law.half_band } else { law.zero - law.half_band };
-    let [one, other] = ends.map(|end| (speed(end), edge(end)));
+    let [one, other] = ends.map(|end| (law.speed(end), edge(end)));
     let (rising, falling) = if one.0 >= other.0 { (one, other) } else { (other, one) };
     [law.zero, 2.0 * law.half_band, falling.1, rising.1, rising.0, falling.0, law.lag.time_s()]
 }
@@ -203,7 +209,7 @@ fn figures(unit: &Unit, law: &Plain, [opening_pu, closing_pu]: [f64; 2]) -> [f64
 
 /// Speed in pu/s and lag in s that the twin of a unit answers a step of the spool with, from half opening; none where it stands still.
 fn step(unit: &Unit, law: &Plain, spool_pu: f64) -> Option<[f64; 2]> {
-    let expected_pu_s = law.above_1_s.abs().max(law.below_1_s.abs()) * spool_pu.abs();
+    let expected_pu_s = law.above_1_s.abs().max(law.below_1_s.abs()) * spool_pu.abs().min(law.saturates);
     if expected_pu_s <= 0.0 {
         return None;
     }
@@ -247,6 +253,7 @@ mod tests {
             lag: Lag::Dead(0.2),
             zero: 5.0,
             half_band: 1.0,
+            saturates: f64::INFINITY,
             above_1_s: gain,
             below_1_s: 2.0 * gain,
         };

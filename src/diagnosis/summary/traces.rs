@@ -3,7 +3,6 @@
 use crate::likelihood::problem::Problem;
 use crate::result::Trace;
 use govtwin_model::frame::Estimate;
-use govtwin_model::units::seconds_from_nanos;
 
 /// One trace for each recording: measured, delivered, refitted, with effects.
 #[must_use]
@@ -13,12 +12,7 @@ pub fn traces(problem: &Problem, twins: [&[Vec<Estimate>]; 3]) -> Vec<Trace> {
         .iter()
         .enumerate()
         .map(|(index, recording)| {
-            let start_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
-            let time_s = recording
-                .samples
-                .iter()
-                .map(|&row| seconds_from_nanos(recording.frames[row].time_ns - start_ns))
-                .collect();
+            let time_s = (0..recording.samples.len()).map(|sample| recording.time_s(sample)).collect();
             let signals = recording
                 .signals()
                 .map(|signal| {

@@ -21,13 +21,13 @@ pub(super) struct Stretch {
 ///
 /// Between samples it runs straight. A change between two samples with none before and after is a step at the later one: a command that is sent in steps.
 pub(super) fn stretches(run: &Run, delay_s: f64, mut on_stretch: impl FnMut(Stretch)) {
-    let (time_s, command) = (&run.time_s, &run.spool);
+    let (time_s, command): (Vec<f64>, Vec<f64>) = run.driven().into_iter().unzip();
     let last = time_s.len() - 1;
     let is_still = |row: usize| row >= last || command[row] == command[row + 1];
     let is_step = |row: usize| (row == 0 || is_still(row - 1)) && is_still(row + 1);
     // The command is known from the row at or before its time, and as at the beginning before that.
     let mut row = 0;
-    for k in 1..=last {
+    for k in run.before.len() + 1..=last {
         let (mut from_s, until_s) = (time_s[k - 1] - delay_s, time_s[k] - delay_s);
         if from_s >= until_s {
             // Two samples at one time.
@@ -40,8 +40,8 @@ pub(super) fn stretches(run: &Run, delay_s: f64, mut on_stretch: impl FnMut(Stre
             let is_before = from_s < time_s[0];
             let next_s = if is_before { time_s[0] } else { time_s.get(row + 1).copied().unwrap_or(f64::INFINITY) };
             let end_s = until_s.min(next_s);
-            let at = |time_s: f64, row: usize| {
-                let share = (time_s - run.time_s[row]) / (run.time_s[row + 1] - run.time_s[row]);
+            let at = |at_s: f64, row: usize| {
+                let share = (at_s - time_s[row]) / (time_s[row + 1] - time_s[row]);
                 command[row] + share * (command[row + 1] - command[row])
             };
             let ends = if is_before || row == last || is_step(row) {
@@ -144,6 +144,7 @@ mod tests {
             time_s: vec![0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
             spool: vec![0.0, 0.0, 1.0, 1.0, 2.0, 4.0],
             opening: vec![0.0; 6],
+            ..Run::default()
         };
         let mut all = Vec::new();
         stretches(&run, 0.5, |stretch| all.push(stretch));
