@@ -34,8 +34,7 @@ pub(crate) struct BetweenStops {
 
 /// Tells stops from set points; none where nothing moves. Every row holds a spool position.
 ///
-/// A position that settles rests wherever it is sent. One that rests at the ends of its travel is held by stops there if it sums up the spool between
-/// them, and does so better than it follows any law without stops.
+/// A position that settles rests wherever it is sent, and so it does not sum up the spool between its ends either. One that does is held by stops there.
 pub(crate) fn between_stops(recordings: &[Recording]) -> Option<BetweenStops> {
     let mut law = fitted(pieces(recordings, PIECES))?;
     let (follows, left) = told_apart(recordings, &law)?;
@@ -51,10 +50,8 @@ pub(crate) fn between_stops(recordings: &[Recording]) -> Option<BetweenStops> {
     }
     let times: usize = all.iter().map(Vec::len).sum();
     let stopped = closed(recordings, &all, law.zero);
-    let [sum, spool, _] = left;
-    let least = if follows == Follows::Sum { sum } else { sum.min(spool) };
     Some(match told_apart(&stopped, &law) {
-        Some((Follows::Sum, left)) if left[0] < least => {
+        Some((Follows::Sum, left)) => {
             BetweenStops { law, follows: Follows::Sum, left, stopped: Some((stopped, times)) }
         }
         _ => without,

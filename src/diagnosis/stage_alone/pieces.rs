@@ -14,20 +14,24 @@ const LED: f64 = 0.25;
 const FEWEST: usize = 50;
 
 /// Cuts recordings into no more than so many pieces altogether, one of each recording at least; each with what drove it for a while before.
+///
+/// What drove a recording before it began nobody knows: where it is cut, its first piece begins as much later.
 #[must_use]
 pub fn pieces(recordings: &[Recording], most: usize) -> Vec<Recording> {
     let most = (most / recordings.len().max(1)).max(1);
     let mut all = Vec::new();
     for recording in recordings {
         let count = (recording.frames.len() / FEWEST).clamp(1, most);
-        let length_s = length_s_of(recording) / count as f64;
-        let edges = edges(recording, length_s, count, true);
+        let led = if count > 1 { LED } else { 0.0 };
+        let length_s = length_s_of(recording) / (count as f64 + led);
+        let mut edges = edges(recording, length_s, count, led);
+        edges[count] = recording.frames.len();
         for (k, pair) in edges.windows(2).enumerate().filter(|(_, pair)| pair[0] < pair[1]) {
             let name = match count {
                 1 => recording.name.clone(),
                 _ => format!("{}, part {} of {count}", recording.name, k + 1),
             };
-            all.push(led(recording, name, pair[0]..pair[1], LED * length_s));
+            all.push(behind(recording, name, pair[0]..pair[1], led * length_s));
         }
     }
     all
@@ -37,23 +41,23 @@ pub fn pieces(recordings: &[Recording], most: usize) -> Vec<Recording> {
 #[must_use]
 pub fn windows(recording: &Recording, length_s: f64) -> Vec<Recording> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
-    let count = (length_s_of(recording) / length_s * (1.0 + 1e-9)) as usize;
-    let edges = edges(recording, length_s, count, false);
-    edges.windows(2).map(|pair| led(recording, recording.name.clone(), pair[0]..pair[1], LEAD * length_s)).collect()
+    let count = ((length_s_of(recording) / length_s - LEAD).max(0.0) * (1.0 + 1e-9)) as usize;
+    let edges = edges(recording, length_s, count, LEAD);
+    edges.windows(2).map(|pair| behind(recording, recording.name.clone(), pair[0]..pair[1], LEAD * length_s)).collect()
 }
 
-/// The rows at which so many stretches of a length begin, and where the last one ends: with the recording, where it is to be whole.
-fn edges(recording: &Recording, length_s: f64, count: usize, is_whole: bool) -> Vec<usize> {
+/// The rows at which so many stretches of a length begin, and where the last one ends; the first a share of the length behind the beginning.
+fn edges(recording: &Recording, length_s: f64, count: usize, lead: f64) -> Vec<usize> {
     let begins_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
     let row = |k: usize| {
-        let until_s = k as f64 * length_s;
+        let until_s = (k as f64 + lead) * length_s;
         recording.frames.partition_point(|frame| seconds_from_nanos(frame.time_ns - begins_ns) < until_s)
     };
-    (0..=count).map(|k| if is_whole && k == count { recording.frames.len() } else { row(k) }).collect()
+    (0..=count).map(row).collect()
 }
 
 /// Some rows of a recording, behind those of a while before in which only the spool is known.
-fn led(recording: &Recording, name: String, rows: Range<usize>, lead_s: f64) -> Recording {
+fn behind(recording: &Recording, name: String, rows: Range<usize>, lead_s: f64) -> Recording {
     let (from_ns, lead_ns) = (recording.frames[rows.start].time_ns, nanos_from_seconds(lead_s));
     let first = recording.frames[..rows.start].partition_point(|frame| from_ns - frame.time_ns > lead_ns);
     let mut frames = recording.frames[first..rows.end].to_vec();

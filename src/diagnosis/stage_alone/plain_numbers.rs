@@ -7,7 +7,7 @@ use crate::stage_alone::plain::Plain;
 use crate::stage_alone::plain_models::{PlainKind, PlainModel};
 use crate::stage_alone::run::{Run, travel, typical_s};
 use crate::stage_alone::set_point::SetPoint;
-use crate::stage_alone::spread::{PieceSlopes, spread};
+use crate::stage_alone::spread::{PieceSlopes, spread, with_common};
 
 /// A step for slopes, as a share of what a number may be.
 const STEP: f64 = 1e-3;
@@ -66,7 +66,7 @@ impl PlainNumbers {
         let pieces: Vec<PieceSlopes> =
             runs.iter().map(|run| PieceSlopes::of(run, &numbers, &ends, simulated)).collect();
         let hessian = pieces.iter().map(|piece| piece.slopes.tr_mul(&piece.slopes)).sum();
-        let spread = spread(&hessian, &pieces)?;
+        let spread = with_common(spread(&hessian, &pieces)?, pieces.len());
         Some(Self { model, numbers, ends, spread, wide: student_90(runs.len() as f64 - 1.0) })
     }
 

@@ -62,6 +62,15 @@ pub(crate) fn spread(whole: &DMatrix<f64>, pieces: &[PieceSlopes]) -> Option<DMa
     Some(moved * ((count - 1.0) / count))
 }
 
+/// Share of what a law misses that is common to all pieces, and so not seen in what differs between them.
+const COMMON: f64 = 0.25;
+
+/// The same with what the law misses in all pieces alike: the design effect `1 + (n − 1) ρ` of n pieces with a correlation ρ (Kish 1965, *Survey Sampling*,
+/// section 5.4).
+pub(crate) fn with_common(spread: DMatrix<f64>, pieces: usize) -> DMatrix<f64> {
+    spread * (1.0 + COMMON * (pieces as f64 - 1.0).max(0.0))
+}
+
 /// Standard errors beyond which a gain is more than chance.
 const STANDARD_ERRORS: f64 = 2.0;
 

@@ -16,7 +16,7 @@ use crate::result::{Interval, StageFigure};
 use crate::stage_alone::plain::Plain;
 use crate::stage_alone::plain_models::PlainModel;
 use crate::stage_alone::plain_numbers::PlainNumbers;
-use crate::stage_alone::spread::{PieceSlopes, spread};
+use crate::stage_alone::spread::{PieceSlopes, spread, with_common};
 use govtwin_model::effects;
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::parameters::Unit;
@@ -172,7 +172,7 @@ fn between_pieces(model: &FittedModel) -> Option<(DMatrix<f64>, f64)> {
         .zip(&fit.residuals)
         .map(|(slopes, residuals)| PieceSlopes { slopes: slopes.clone(), residuals: residuals.clone() })
         .collect();
-    Some((spread(&hessian, &pieces)?, student_90(pieces.len() as f64 - 1.0)))
+    Some((with_common(spread(&hessian, &pieces)?, pieces.len()), student_90(pieces.len() as f64 - 1.0)))
 }
 
 /// The figures of a plain law at the farthest positions of the spool, all as recorded.
