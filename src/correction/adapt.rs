@@ -72,7 +72,6 @@ pub struct Adaptation {
 
 impl Adaptation {
     /// What happened, for a person.
-    #[must_use]
     pub fn words(&self) -> String {
         if self.alarms == 0 {
             return format!("no drift in {} samples; nothing was adapted", self.samples);
@@ -109,7 +108,6 @@ pub struct Adapter {
 
 impl Adapter {
     /// For a model with a band and its trees; what is added never exceeds the largest correction that its training saw, nor five half widths of the band.
-    #[must_use]
     pub fn new(model: &Model, trees: &Forest) -> Option<Self> {
         let band = model.band?;
         let largest = model.guard.range.iter().fold(0.0_f64, |most, edge| most.max(edge.abs()));
@@ -134,13 +132,11 @@ impl Adapter {
     }
 
     /// What it saw and did so far.
-    #[must_use]
     pub fn counts(&self) -> Adaptation {
         Adaptation { bias: self.learned[0], gain_ratio: self.learned[1], ..self.counts }
     }
 
     /// Alarms so far.
-    #[must_use]
     pub fn alarms(&self) -> u64 {
         self.counts.alarms
     }

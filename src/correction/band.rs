@@ -25,7 +25,6 @@ const FEWEST: usize = 30;
 
 impl Band {
     /// The band of residuals, each with how far its twin moved. `None` where there are too few.
-    #[must_use]
     pub fn of(residuals: &[(f64, f64)], coverage_share: f64) -> Option<Self> {
         let mut motions: Vec<f64> = residuals.iter().map(|(motion, _)| *motion).collect();
         motions.sort_by(f64::total_cmp);
@@ -46,7 +45,6 @@ impl Band {
     }
 
     /// The half width for a row whose twin moved so far.
-    #[must_use]
     pub fn half_width(&self, motion: f64) -> f64 {
         if motion > self.moving_above { self.in_motion } else { self.at_rest }
     }

@@ -34,7 +34,6 @@ pub enum FeatureGroup {
 
 impl FeatureGroup {
     /// The name in tables.
-    #[must_use]
     pub fn title(self) -> &'static str {
         match self {
             Self::Original => "original",
@@ -75,7 +74,6 @@ const LAGS: [usize; 4] = [1, 2, 3, 5];
 const WINDOWS: [usize; 2] = [5, PAST];
 
 /// All features, in the order of a model's list.
-#[must_use]
 pub fn all() -> Vec<Feature> {
     use RowChannel::{Command, Error, Esv, Model, Opening, TankPressure};
     let mut list = vec![];
@@ -135,38 +133,32 @@ pub fn all() -> Vec<Feature> {
 }
 
 /// The feature with this name.
-#[must_use]
 pub fn named(name: &str) -> Option<Feature> {
     all().into_iter().find(|feature| feature.name() == name)
 }
 
 impl Feature {
     /// Its group in Table 1.
-    #[must_use]
     pub fn group(&self) -> FeatureGroup {
         self.group
     }
 
     /// The channel that it is made of.
-    #[must_use]
     pub fn channel(&self) -> RowChannel {
         self.channel
     }
 
     /// Whether it is the present value of a channel.
-    #[must_use]
     pub fn is_now(&self) -> bool {
         self.kind == FeatureKind::Now
     }
 
     /// Whether it is the rate or the bend of an input, which the paper's list lacks.
-    #[must_use]
     pub fn is_rate_of_input(&self) -> bool {
         !self.channel.is_model() && matches!(self.kind, FeatureKind::Rate | FeatureKind::Bend)
     }
 
     /// The name in model files: channel, then what is made of it, with periods as the unit of lags and windows.
-    #[must_use]
     pub fn name(&self) -> String {
         let channel = self.channel.id();
         match self.kind {
@@ -185,7 +177,6 @@ impl Feature {
     }
 
     /// Its value; derivatives and slopes are per second.
-    #[must_use]
     pub fn value(&self, taps: &Taps, period_s: f64) -> f64 {
         let at = |k: usize| taps[k][self.channel as usize];
         let window = |len: usize| taps[..len].iter().map(|tap| tap[self.channel as usize]);

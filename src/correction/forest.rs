@@ -122,19 +122,16 @@ impl Forest {
     }
 
     /// How many trees there are.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.groups.iter().map(|group| group.trees).sum()
     }
 
     /// Whether there is none.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.groups.is_empty()
     }
 
     /// The value of a row; NaN where the row is shorter than the trees' list of features. Allocates nothing.
-    #[must_use]
     pub fn value(&self, row: &[f64]) -> f64 {
         self.walk(row, |_| ())
     }
@@ -147,7 +144,6 @@ impl Forest {
     }
 
     /// How many nodes and leaves there are.
-    #[must_use]
     pub fn places(&self) -> usize {
         self.nodes.len()
     }

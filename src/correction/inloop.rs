@@ -15,7 +15,6 @@ use govtwin_model::state::State;
 pub const FEATURES: usize = 8;
 
 /// The twin's own state as a row of features.
-#[must_use]
 pub fn features(state: &State, tank_pressure_pa: f64) -> [f64; FEATURES] {
     [
         state.pilot_position_pu,
@@ -30,7 +29,6 @@ pub fn features(state: &State, tank_pressure_pa: f64) -> [f64; FEATURES] {
 }
 
 /// The path's position at a time, straight from sample to sample, m; NaN for an empty path.
-#[must_use]
 pub fn at(path: &[[f64; 2]], time_s: f64) -> f64 {
     let next = path.partition_point(|[sample_s, _]| *sample_s <= time_s);
     match (next.checked_sub(1).and_then(|before| path.get(before)), path.get(next)) {

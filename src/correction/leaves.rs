@@ -22,7 +22,6 @@ pub struct Leaves {
 
 impl Leaves {
     /// For a forest, with the most that may be added to a row.
-    #[must_use]
     pub fn new(forest: &Forest, limit: f64) -> Self {
         let places = forest.places();
         Self { added: vec![0.0; places], rows: vec![0; places], here: vec![0; forest.len()], limit }
@@ -34,7 +33,6 @@ impl Leaves {
     }
 
     /// What is to be added to the row at hand, in bounds.
-    #[must_use]
     pub fn value(&self) -> f64 {
         self.here.iter().map(|leaf| self.added[*leaf as usize]).sum::<f64>().clamp(-self.limit, self.limit)
     }

@@ -60,7 +60,6 @@ pub struct Unseen {
 impl Reach {
     /// The distance from `rows` alone, in standard deviations of `scales_of`: no weights yet. `None` where none of the features that make it is among
     /// the named ones.
-    #[must_use]
     pub fn of(names: &[String], rows: &[&[f64]], scales_of: &[&[f64]]) -> Option<Self> {
         let features: Vec<usize> =
             PLACES.iter().filter_map(|place| names.iter().position(|name| name == place)).collect();
@@ -76,7 +75,6 @@ impl Reach {
     }
 
     /// Distance of a row of features from the training rows, in standard deviations. Allocates nothing.
-    #[must_use]
     pub fn distance(&self, row: &[f64]) -> f64 {
         let mut squares = [0.0; POINTS];
         let count = self.points.first().map_or(0, Vec::len).min(POINTS);
@@ -98,7 +96,6 @@ impl Reach {
     }
 
     /// Weight and widening of the band at a distance.
-    #[must_use]
     pub fn at(&self, distance: f64) -> (f64, f64) {
         let level = self.edges.iter().filter(|edge| **edge <= distance).count();
         let of = |values: &[f64]| values.get(level).copied();
@@ -129,7 +126,6 @@ impl Reach {
     }
 
     /// What is wrong with one that was read, for a model of so many features.
-    #[must_use]
     pub fn problem(&self, features: usize) -> Option<&'static str> {
         let width = self.features.len();
         let points = self.points.first().map_or(0, Vec::len);

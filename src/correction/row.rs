@@ -17,7 +17,6 @@ pub enum Opening {
 
 impl Opening {
     /// The name in files and words.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Simulated => "simulated",
@@ -42,7 +41,6 @@ impl RateOfInputs {
     pub const ALL: [Self; 2] = [Self::Hold, Self::Linear];
 
     /// The name in files and words.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Hold => "hold",
@@ -98,7 +96,6 @@ impl RowChannel {
     ];
 
     /// The name in lists of features.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Command => "command_pu",
@@ -117,7 +114,6 @@ impl RowChannel {
     }
 
     /// Whether it is the twin's word and not an input.
-    #[must_use]
     pub fn is_model(self) -> bool {
         self >= Self::Model
     }
@@ -136,7 +132,6 @@ pub struct RowMaker {
 
 impl RowMaker {
     /// Rows for correcting a signal, with the opening from where it comes.
-    #[must_use]
     pub fn new(opening: Opening, signal: Signal) -> Self {
         Self { opening, signal, held_pu: f64::NAN }
     }

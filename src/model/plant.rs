@@ -88,7 +88,6 @@ abreast!(Bank { small_loop, supply, proportional_valve, esv, spool, main_ports, 
 
 impl<T: Wide> Bank<T> {
     /// The laws of these plants in as many lanes as `zero` has; the last plant fills what lanes are left.
-    #[must_use]
     pub fn new(plants: &[&Plant], zero: T) -> Option<Self> {
         let banks: Vec<Bank<f64>> = plants.iter().map(|plant| plant.bank()).collect();
         let last = banks.len().checked_sub(1)?;
@@ -97,7 +96,6 @@ impl<T: Wide> Bank<T> {
 
     /// The laws of the continuous plants.
     #[inline(always)]
-    #[must_use]
     pub fn blocks(&self) -> Blocks<'_, T> {
         let Self { supply, proportional_valve, esv, spool, main_ports, servomotor, .. } = self;
         Blocks { supply, proportional_valve, esv, spool, main_ports, servomotor }
@@ -105,7 +103,6 @@ impl<T: Wide> Bank<T> {
 
     /// The regulators' small loops.
     #[inline(always)]
-    #[must_use]
     pub fn small_loop(&self) -> &SmallLoop<T> {
         &self.small_loop
     }
@@ -159,7 +156,6 @@ pub struct Plant {
 
 impl Plant {
     /// The nominal plant with these parameters, no effect in it.
-    #[must_use]
     pub fn new(p: &Parameters) -> Self {
         Self {
             regulator: Regulator::new(&p.regulator),
@@ -176,7 +172,6 @@ impl Plant {
 
     /// The laws of the continuous plant.
     #[inline(always)]
-    #[must_use]
     pub fn blocks(&self) -> Blocks<'_> {
         let Self { supply, proportional_valve, esv, spool, main_ports, servomotor, .. } = self;
         Blocks { supply, proportional_valve, esv, spool, main_ports, servomotor }

@@ -31,7 +31,6 @@ macro_rules! held_by_id {
 pub use crate::held_by_id;
 
 /// No figure.
-#[must_use]
 pub fn no_figure() -> f64 {
     f64::NAN
 }

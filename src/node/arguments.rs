@@ -106,7 +106,6 @@ impl Arguments {
     }
 
     /// The node's full name.
-    #[must_use]
     pub fn full_name(&self) -> String {
         build_node_fqn(&self.namespace, &self.name)
     }

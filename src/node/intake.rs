@@ -97,13 +97,11 @@ pub struct TopicCounts {
 
 impl TopicCounts {
     /// Samples refused for this reason.
-    #[must_use]
     pub fn refused(&self, refusal: Refusal) -> u64 {
         self.refused[refusal as usize]
     }
 
     /// Samples refused.
-    #[must_use]
     pub fn all_refused(&self) -> u64 {
         self.refused.iter().sum()
     }

@@ -22,7 +22,6 @@ pub struct Refit {
 
 impl Refit {
     /// The twin of a unit.
-    #[must_use]
     pub fn new(unit: &Unit) -> Self {
         let parameters = &unit.parameters;
         let mut plant = Plant::new(parameters);

@@ -146,7 +146,6 @@ impl Stats {
     }
 
     /// The report.
-    #[must_use]
     pub fn summary(&self, resident_bytes: u64) -> RunSummary {
         RunSummary {
             ticks: self.ticks,
@@ -168,7 +167,6 @@ impl Stats {
 
 impl RunSummary {
     /// The report in words.
-    #[must_use]
     pub fn text(&self) -> String {
         let mut text = format!(
             "{} ticks, {} overruns, {} skipped, {} results lost, {:.1} MiB resident\n",

@@ -28,7 +28,6 @@ pub struct Svg {
 
 impl Svg {
     /// The element as text, which is also valid as a file of its own.
-    #[must_use]
     pub fn as_str(&self) -> &str {
         &self.wide
     }
@@ -40,7 +39,6 @@ impl Svg {
 }
 
 /// Draws a picture.
-#[must_use]
 pub fn svg(picture: &Picture) -> Svg {
     Svg { wide: draw(picture), narrow: draw(&picture.narrow()) }
 }

@@ -65,7 +65,6 @@ pub struct Mark {
 
 impl Mark {
     /// A mark with the usual width and opacity of its shape.
-    #[must_use]
     pub fn new(shape: MarkShape, ink: Ink, label: impl Into<String>) -> Self {
         let (width_px, opacity) = match shape {
             MarkShape::Band(_) => (0.0, 0.22),
@@ -101,7 +100,6 @@ pub struct Panel {
 
 impl Panel {
     /// An empty panel of the usual height.
-    #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
         Self { title: title.into(), x: Axis::default(), y: Axis::default(), height_px: 150, marks: Vec::new() }
     }
@@ -287,13 +285,11 @@ pub struct Picture {
 
 impl Picture {
     /// Panels below each other with one horizontal axis: signals over time.
-    #[must_use]
     pub fn stacked(description: impl Into<String>, panels: Vec<Panel>) -> Self {
         Self { shared_x: true, ..Self::grid(description, 1, panels) }
     }
 
     /// Panels in a grid, each with its own axes.
-    #[must_use]
     pub fn grid(description: impl Into<String>, columns: u32, panels: Vec<Panel>) -> Self {
         Self {
             description: description.into(),

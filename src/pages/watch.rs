@@ -37,7 +37,6 @@ pub struct Watched<'a> {
 }
 
 /// The page.
-#[must_use]
 pub fn page(watched: &Watched) -> Page {
     let Watched { unit, entries, courses, between_false_alarms, times } = *watched;
     let mut page = Page::new(format!("Watched unit: {unit}"), format!("{} processes", entries.len()));

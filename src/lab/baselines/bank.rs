@@ -9,7 +9,6 @@ use govtwin_diagnosis::estimation::coordinate::square;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 
 /// The rule.
-#[must_use]
 pub fn judge(ground: &Ground) -> DiagnosisReport {
     let nominal = square(&ground.fit.residuals);
     let best = ground.best_tries();

@@ -10,7 +10,6 @@ use govtwin_diagnosis::result::schema::DiagnosisReport;
 const SIGNIFICANT: f64 = 3.0;
 
 /// The rule.
-#[must_use]
 pub fn judge(ground: &Ground) -> DiagnosisReport {
     let tries = ground.best_tries();
     let (gram, product) = ground.projected(&tries);

@@ -13,7 +13,6 @@ use govtwin_diagnosis::result::schema::DiagnosisReport;
 const MOST: usize = 3;
 
 /// The rule.
-#[must_use]
 pub fn judge(ground: &Ground) -> DiagnosisReport {
     let tries = ground.best_tries();
     let (gram, product) = ground.projected(&tries);

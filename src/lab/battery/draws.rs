@@ -26,7 +26,6 @@ pub struct Draw(ChaCha8Rng);
 
 impl Draw {
     /// The stream of a question for a seed and a place in the battery.
-    #[must_use]
     pub fn new(seed: u64, question: Question, place: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed ^ 0xba77_e47e);
         generator.set_stream(place * 8 + question as u64);

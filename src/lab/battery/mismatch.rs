@@ -67,7 +67,6 @@ impl Mismatch {
     }
 
     /// Friction of the spool with so much of a fault.
-    #[must_use]
     pub fn spool_friction(&self, fault_n: f64) -> Bristles {
         Bristles {
             coulomb_n: self.spool_friction_n + fault_n,
@@ -79,7 +78,6 @@ impl Mismatch {
     }
 
     /// Friction of the servomotor with so much of a fault.
-    #[must_use]
     pub fn piston_friction(&self, coulomb_n: f64, fault_n: f64) -> Bristles {
         Bristles {
             coulomb_n: coulomb_n + fault_n,
@@ -91,7 +89,6 @@ impl Mismatch {
     }
 
     /// Pressure that a return line of this loss holds back at a flow.
-    #[must_use]
     pub fn held_back_pa(&self, loss_pa_s2_m6: f64, flow_m3_s: f64) -> f64 {
         let UnitSize { flow_ratio, pressure_ratio, .. } = self.size;
         held_back_pa(loss_pa_s2_m6 * flow_ratio * flow_ratio / pressure_ratio, flow_m3_s / flow_ratio) * pressure_ratio

@@ -78,7 +78,6 @@ pub struct Rig {
 
 impl Rig {
     /// A rig at rest at an opening.
-    #[must_use]
     pub fn new(p: &Parameters, faults: &Faults, odd: &Mismatch, opening_pu: f64) -> Self {
         let (dv, servo) = (&p.distributing_valve, &p.servomotor);
         let supply_pa = p.oil.tank_pressure_pa;
@@ -131,37 +130,31 @@ impl Rig {
     }
 
     /// The spool transducer, pu.
-    #[must_use]
     pub fn spool_reading_pu(&self) -> f64 {
         self.y[LVDT]
     }
 
     /// The servomotor transducer, pu.
-    #[must_use]
     pub fn servomotor_reading_pu(&self) -> f64 {
         self.y[READING_2]
     }
 
     /// Pilot-valve position, pu.
-    #[must_use]
     pub fn pilot_position_pu(&self) -> f64 {
         self.y[PILOT]
     }
 
     /// Control pressure, Pa.
-    #[must_use]
     pub fn control_pressure_pa(&self) -> f64 {
         self.y[CONTROL]
     }
 
     /// Piston position, pu.
-    #[must_use]
     pub fn opening_pu(&self) -> f64 {
         self.y[PISTON] / self.p.servomotor.stroke_m
     }
 
     /// Piston speed, m/s.
-    #[must_use]
     pub fn piston_m_s(&self) -> f64 {
         self.y[PISTON_SPEED]
     }

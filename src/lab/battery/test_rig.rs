@@ -71,7 +71,6 @@ struct RigRun {
 
 impl TestRig {
     /// Records a process.
-    #[must_use]
     pub fn record(&self, process: Process) -> (GeneratedStreams, Vec<Inputs>) {
         let random = RandomStreams { seed: self.seed, process };
         let script = self.script(process);
@@ -83,7 +82,6 @@ impl TestRig {
     }
 
     /// Records what the plant does under a test, brought to its first opening before.
-    #[must_use]
     pub fn answer(&self, test: &TestScript) -> GeneratedStreams {
         let tank_pressure_pa = self.parameters.oil.tank_pressure_pa;
         let inputs: Vec<Inputs> = test.frames(tank_pressure_pa).iter().map(|frame| frame.inputs).collect();
@@ -91,7 +89,6 @@ impl TestRig {
     }
 
     /// What the transducers would show without noise under given inputs, every 10 ms.
-    #[must_use]
     pub fn readings(&self, process: Process, inputs: &[Inputs]) -> Vec<Signals> {
         let start_pu = self.script(process).initial_opening_pu;
         self.run(process, RigInputs::Given(inputs), start_pu, &Sensors::default()).readings

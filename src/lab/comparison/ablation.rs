@@ -72,14 +72,12 @@ pub fn gated(
 }
 
 /// What the hybrid's gate chooses among: the residual by absolute errors and by squares, and the signal itself.
-#[must_use]
 pub fn of_hybrid(with: &Hyperparameters) -> [(Learned, Hyperparameters); 3] {
     let squares = Hyperparameters { objective: Objective::L2, ..*with };
     [(Learned::Residual, *with), (Learned::Residual, squares), (Learned::Signal, *with)]
 }
 
 /// The same choice for data alone, so that a gate is no advantage of the hybrid's.
-#[must_use]
 pub fn of_data(with: &Hyperparameters) -> [(Learned, Hyperparameters); 2] {
     [(Learned::Signal, *with), (Learned::Signal, Hyperparameters { objective: Objective::L2, ..*with })]
 }
@@ -131,7 +129,6 @@ pub fn ablation(
 }
 
 /// Whether two tables hold the same rows.
-#[must_use]
 pub fn same_rows(one: &FeatureTable, other: &FeatureTable) -> bool {
     let places = |table: &FeatureTable| table.marks.iter().map(|mark| (mark.recording, mark.frame)).collect::<Vec<_>>();
     let names = |table: &FeatureTable| table.layout.features.iter().map(Feature::name).collect::<Vec<_>>();

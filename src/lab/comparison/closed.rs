@@ -40,7 +40,6 @@ pub struct Pulled {
 
 /// Pulls a twin along a recorded spool with a gain in 1/s. Where rows are slow, draw the inputs in between them first
 /// ([`govtwin_model::replay::between`]): the pull would learn their lag.
-#[must_use]
 pub fn pull(unit: &Unit, recording: &Recording, pull_1_s: f64) -> Pulled {
     let mut plant = plant(unit);
     let start_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
@@ -70,7 +69,6 @@ pub fn pull(unit: &Unit, recording: &Recording, pull_1_s: f64) -> Pulled {
 }
 
 /// A twin with what was learned inside it.
-#[must_use]
 pub fn twin(unit: &Unit, forest: Forest, guard: Guard) -> Twin {
     let mut plant = plant(unit);
     plant.terms.push(Arc::new(inloop::LearnedSpoolRate { forest, guard, area_m2: plant.spool.control_area_m2 }));

@@ -33,7 +33,6 @@ pub enum LimitKnowledge {
 }
 
 /// An error of the size of the limit at each of some rows of a table, which was made of these recordings.
-#[must_use]
 pub fn limit(
     unit: &Unit,
     cut: Cut,

@@ -49,7 +49,6 @@ pub struct Width {
 
 impl Width {
     /// All that are worth their while, the narrowest first.
-    #[must_use]
     pub fn all() -> Vec<Self> {
         #[cfg(target_arch = "x86_64")]
         {
@@ -68,19 +67,16 @@ impl Width {
     }
 
     /// The most lanes that a batch may have.
-    #[must_use]
     pub fn most_lanes() -> usize {
         Self::all().last().map_or(1, |widest| widest.lanes())
     }
 
     /// The narrowest with so many lanes; none where no register has as many.
-    #[must_use]
     pub fn holding(count: usize) -> Option<Self> {
         Self::all().into_iter().find(|width| width.lanes() >= count)
     }
 
     /// Its number of lanes.
-    #[must_use]
     pub fn lanes(self) -> usize {
         struct Count;
         impl LaneWork for Count {
@@ -381,7 +377,6 @@ macro_rules! apart {
         impl<T: $crate::plant::lanes::Wide> $law<T> {
             /// The quantities in one lane.
             #[inline(always)]
-            #[must_use]
             pub fn lane(&self, lane: usize) -> $law {
                 $law { $($quantity: self.$quantity.lane(lane)),* }
             }

@@ -36,7 +36,6 @@ impl<T: Real> Lanewise<T> for Flow<T> {
 
 /// The regularised root of a pressure drop, √Pa, and its slope, 1/√Pa.
 #[inline(always)]
-#[must_use]
 pub fn root<T: Real>(drop_pa: T) -> (T, T) {
     let size_pa = drop_pa.abs();
     either!(
@@ -57,7 +56,6 @@ pub fn root<T: Real>(drop_pa: T) -> (T, T) {
 ///
 /// `series` is the inverse conductance of the second, so that 0 means that it is not there.
 #[inline(always)]
-#[must_use]
 pub fn in_series<T: Real>(conductance: T, series: T) -> T {
     either!(series.is(0.0), conductance, {
         let ratio = conductance * series;

@@ -22,7 +22,6 @@ pub fn simulate_between(twin: &mut Twin, recording: &Recording, period_ns: i64) 
 }
 
 /// A recording with rows on a grid between slow ones, and where its own rows stand now. Added rows hold no spool.
-#[must_use]
 pub fn drawn(recording: &Recording, period_ns: i64) -> (Recording, Vec<usize>) {
     let period_ns = period_ns.max(1);
     let begin_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);

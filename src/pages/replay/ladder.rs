@@ -30,14 +30,12 @@ pub fn ladder_table(ladder: &Ladder) -> Table {
 }
 
 /// What the stars mean, where there are any.
-#[must_use]
 pub fn reason_for_stars(ladder: &Ladder) -> Option<&'static str> {
     let any = ladder.rungs.iter().any(|rung| !rung.unseen.is_empty());
     any.then_some("* left out of the residual's training.")
 }
 
 /// The rungs side by side in every process.
-#[must_use]
 pub fn ladder_picture(ladder: &Ladder) -> Picture {
     let signal = ladder.judged();
     let processes = ladder.processes();

@@ -14,7 +14,6 @@ use govtwin_model::replay::figures::SignalFigures;
 use govtwin_model::signal::Signal;
 
 /// Why a signal has dashes instead of figures: a cut replaces it by the recorded one.
-#[must_use]
 pub fn reason_for_dashes(summary: &ReplaySummary) -> Option<String> {
     let cut = summary.overall.signals.iter().find(|figures| figures.stands_in)?;
     let signal = Signal::ALL.into_iter().find(|signal| signal.id() == cut.name)?;
@@ -85,7 +84,6 @@ pub(crate) fn r2_words(r2: f64) -> String {
 }
 
 /// A whole number with its thousands set apart.
-#[must_use]
 pub fn thousands(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();

@@ -90,14 +90,12 @@ impl Expression {
     }
 
     /// Whether it uses the name at this place.
-    #[must_use]
     pub fn uses(&self, place: usize) -> bool {
         self.ops.iter().any(|op| matches!(op, Op::Name(known) if *known == place))
     }
 
     /// Its value; `look` gives the value of the name at a place.
     #[inline]
-    #[must_use]
     pub fn value(&self, look: impl Fn(usize) -> f64) -> f64 {
         let mut stack = [0.0; STACK];
         let mut top = 0;

@@ -18,7 +18,6 @@ impl Delay {
     ///
     /// What is read only every `grid_ticks` needs a grid as wide, or the response does not change while the delay
     /// grows by less.
-    #[must_use]
     pub fn new(point: Point, delay_s: f64, tick_s: f64, grid_ticks: usize) -> Self {
         let grid_ticks = grid_ticks.max(1);
         let points = (delay_s / (tick_s * grid_ticks as f64)).clamp(0.0, 1e5);

@@ -14,7 +14,6 @@ pub struct Play {
 
 impl Play {
     /// A gap of `width_pu` in all; a width below 0 counts as 0.
-    #[must_use]
     pub fn new(point: Point, width_pu: f64) -> Self {
         Self { point, half_width_pu: (0.5 * width_pu).max(0.0) }
     }
