@@ -52,7 +52,6 @@ impl Band {
 
 /// The conformal quantile of residuals that are not negative.
 #[expect(
-    clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "counts of rows, and a share of them that lies between 0 and the count plus one"

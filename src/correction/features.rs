@@ -207,7 +207,6 @@ pub fn fill(features: &[Feature], taps: &Taps, period_ns: i64, values: &mut [f64
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "windows are a few rows long")]
 fn count(len: usize) -> f64 {
     len as f64
 }

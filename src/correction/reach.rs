@@ -168,19 +168,13 @@ fn safest(rows: &[&Unseen]) -> u32 {
     (0..=STEPS).map(|steps| (steps, worst(steps))).min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(steps, _)| steps)
 }
 
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts of rows, and a share of them"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts of rows, and a share of them")]
 fn rank(sorted: &[f64], share: f64) -> Option<f64> {
     let at = ((sorted.len() + 1) as f64 * share).ceil() as usize;
     sorted.get(at.clamp(1, sorted.len().max(1)) - 1).copied()
 }
 
 /// One over the standard deviation of a feature over rows; 1 where it does not move.
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 fn scale(rows: &[&[f64]], feature: usize) -> f64 {
     let count = rows.len().max(1) as f64;
     let values = || rows.iter().map(|row| row[feature]);

@@ -69,12 +69,7 @@ fn by_process(table: &FeatureTable, rows: &[usize]) -> Vec<Vec<usize>> {
     Process::ALL.into_iter().map(of).collect()
 }
 
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a share below one of a count of rows"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share below one of a count of rows")]
 fn share_of(count: usize, share: f64) -> usize {
     (count as f64 * share).round() as usize
 }

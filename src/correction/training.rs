@@ -207,7 +207,6 @@ pub fn loss(
     if residuals.is_empty() {
         return Err(TrainError::TooFew { found: 0 });
     }
-    #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
     let count = residuals.len() as f64;
     Ok(residuals.iter().map(|(_, residual)| residual.abs()).sum::<f64>() / count)
 }

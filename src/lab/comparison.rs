@@ -95,7 +95,6 @@ impl ModelStanding {
     }
 
     /// Mean of R² over processes, as the paper averages it.
-    #[expect(clippy::cast_precision_loss, reason = "four processes")]
     pub(crate) fn mean_r2(&self) -> f64 {
         self.processes.iter().map(|(_, figures)| figures.r2).sum::<f64>() / self.processes.len() as f64
     }

@@ -56,7 +56,6 @@ impl Accumulator {
     }
 
     /// Takes one pair, both in the same unit.
-    #[expect(clippy::cast_precision_loss, reason = "counts of rows lie far below 2^53")]
     pub fn push(&mut self, measured: f64, estimated: f64) {
         let error = estimated - measured;
         if !error.is_finite() {
@@ -74,7 +73,6 @@ impl Accumulator {
     }
 
     /// Adds what another accumulator took, as if this one had taken it too.
-    #[expect(clippy::cast_precision_loss, reason = "counts of rows lie far below 2^53")]
     pub fn merge(&mut self, other: &Self) {
         self.skipped += other.skipped;
         if other.count == 0 {
@@ -93,7 +91,6 @@ impl Accumulator {
     }
 
     /// The figures of all pairs taken so far.
-    #[expect(clippy::cast_precision_loss, reason = "counts of rows lie far below 2^53")]
     pub fn figures(&self) -> Figures {
         let rows = self.count as f64;
         let none = self.count == 0;

@@ -34,7 +34,6 @@ pub fn nanos_from_seconds(seconds_s: f64) -> i64 {
 }
 
 /// Nanoseconds as seconds.
-#[expect(clippy::cast_precision_loss, reason = "differences of stamps lie far below 2^53 ns, 104 days")]
 pub fn seconds_from_nanos(nanos_ns: i64) -> f64 {
     nanos_ns as f64 * 1e-9
 }

@@ -216,12 +216,10 @@ fn positive(value_ns: i64) -> u64 {
     u64::try_from(value_ns).unwrap_or(0)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "for people to read")]
 fn micros(value_ns: u64) -> f64 {
     value_ns as f64 * 1e-3
 }
 
-#[expect(clippy::cast_precision_loss, reason = "for people to read")]
 fn megabytes(bytes: u64) -> f64 {
     bytes as f64 / 1_048_576.0
 }

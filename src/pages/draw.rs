@@ -127,7 +127,6 @@ fn draw(picture: &Picture) -> String {
     }
     if let Some(first) = places.first() {
         for (event, row) in picture.events.iter().zip(rows) {
-            #[expect(clippy::cast_precision_loss, reason = "a handful of rows")]
             let y = first.plot[1] - ROW_PX * (row as f64 + 0.5);
             let (x, width) = (to_px(first, event.x), words_px(&event.label, LABEL_SIZE));
             let beyond = x + width > first.plot[2] + 16.0;
@@ -138,7 +137,6 @@ fn draw(picture: &Picture) -> String {
     canvas.0 + "</svg>\n"
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a handful of lines")]
 fn draw_panel(canvas: &mut Canvas, picture: &Picture, panel: &Panel, place: &PanelPlace) {
     let [left, top, right, bottom] = place.plot;
     for span in &picture.spans {
@@ -298,7 +296,6 @@ fn draw_mark(canvas: &mut Canvas, mark: &Mark, place: &PanelPlace) {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a heat map has few cells")]
 fn draw_cells(
     canvas: &mut Canvas,
     place: &PanelPlace,

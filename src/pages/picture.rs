@@ -191,7 +191,6 @@ impl Panel {
     /// Adds the bars of one of `of` series side by side: bar `i` is at category `i`. Of several each has its number, in the legend and above
     /// its bars, so that they are distinct without colours.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
     pub fn bars(self, ink: Ink, label: &str, values: &[f64], series: usize, of: usize) -> Self {
         let slot = 0.8 / of.max(1) as f64;
         let blocks = values.iter().enumerate().map(|(i, &value)| {
@@ -212,7 +211,6 @@ impl Panel {
 
     /// Adds lying bars from zero: bar `i` lies at category `i` of the vertical axis.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
     pub fn lying_bars(self, ink: Ink, label: &str, values: &[f64]) -> Self {
         let blocks = values.iter().enumerate().map(|(i, &value)| [0.0, value, i as f64 - 0.36, i as f64 + 0.36]);
         self.mark(Mark::new(MarkShape::Blocks(blocks.collect()), ink, label))
@@ -220,7 +218,6 @@ impl Panel {
 
     /// Adds a histogram: share of the finite values per bin, the outer bins taking what lies beyond.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "counts of rows lie far below 2^53")]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the bins before the cast")]
     pub fn histogram(self, ink: Ink, label: &str, values: &[f64], [from, to]: [f64; 2], bins: usize) -> Self {
         let width = (to - from) / bins.max(1) as f64;

@@ -134,7 +134,6 @@ pub fn phase(table: &FeatureTable, row: usize) -> Phase {
 }
 
 /// Breaks errors down; `rows` are the test rows, and every parent a table with the same rows.
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn breakdown(
     parents: &[(&'static str, &FeatureTable)],
     rows: &[usize],

@@ -35,7 +35,6 @@ impl CoveredAt {
 }
 
 /// How much of the rows the band of a guarded residual holds, by process and by distance.
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn covered_by_distance(
     table: &FeatureTable,
     rows: &[usize],

@@ -81,7 +81,6 @@ pub fn limit(
 }
 
 /// Lets the command wander between rows, which stay as they are.
-#[expect(clippy::cast_precision_loss, reason = "rows between two others")]
 fn wander(frames: &mut [Frame], rows: &[usize], draws: &mut Draws) {
     let commands: Vec<f64> = rows.iter().map(|&row| frames[row].inputs.opening_command_pu).collect();
     for (pause, ends) in rows.windows(2).enumerate() {

@@ -127,7 +127,6 @@ pub struct SpreadIn {
 }
 
 /// Figures over seeds; every seed has the same models in the same order.
-#[expect(clippy::cast_precision_loss, reason = "a few seeds")]
 pub fn spread(seeds: &[Vec<ModelStanding>]) -> Vec<SeedSpread> {
     let over = |values: Vec<f64>| {
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
@@ -288,7 +287,6 @@ pub fn claims(ours: &Claims<'_>, [mechanism, data]: [&ModelStanding; 2]) -> Vec<
 }
 
 /// How much of the rows a band holds.
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn covered(table: &FeatureTable, rows: &[usize], estimates: &[f64], band: &Band) -> Covered {
     let share = |process: Option<Process>| {
         let (mut count, mut inside, mut width) = (0_u64, 0_u64, 0.0);

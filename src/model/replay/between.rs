@@ -88,7 +88,6 @@ fn amid(last: &Frame, next: &Frame, at_ns: i64) -> Frame {
     Frame { time_ns: at_ns, inputs, measured: Signals { servomotor_position_pu, ..Signals::NONE } }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a share of a pause")]
 fn share(part_ns: i64, whole_ns: i64) -> f64 {
     part_ns as f64 / whole_ns as f64
 }

@@ -174,7 +174,6 @@ pub(super) fn tick<T: Real>(chain: &mut impl Chain<T>, setting: Setting, now: &m
     now.servomotor_reading_pu = chain.apply(Point::ServomotorReading, reading_pu, &seen);
 }
 
-#[expect(clippy::cast_precision_loss, reason = "2^53 ticks are 285,000 years")]
 fn seconds_from_ticks(ticks: u64, tick_s: f64) -> f64 {
     ticks as f64 * tick_s
 }

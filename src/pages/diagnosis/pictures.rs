@@ -43,14 +43,12 @@ fn noise(at: f64) -> Mark {
 }
 
 /// Lying bars of half the width, so that those below them show where they are shorter too.
-#[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
 fn slim(values: &[f64]) -> Mark {
     let blocks = values.iter().enumerate().map(|(i, &value)| [0.0, value, i as f64 - 0.2, i as f64 + 0.2]);
     Mark { opacity: 1.0, ..Mark::new(MarkShape::Blocks(blocks.collect()), Ink::Simulated, "with faults") }
 }
 
 /// Shares as lying bars with their percentages beside them.
-#[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
 fn shares(title: &str, ink: Ink, bars: &[(String, f64)]) -> Panel {
     let values: Vec<f64> = bars.iter().rev().map(|(_, share)| 100.0 * share).collect();
     let word = |(i, value): (usize, &f64)| {

@@ -156,7 +156,6 @@ fn residuals_of(shown: &Shown, contender: &Contender, process: Process) -> Vec<f
     rows.filter(|(mark, _)| mark.process == process).map(|(mark, estimate)| estimate - mark.measured).collect()
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn residuals(shown: &Shown) -> Picture {
     let panel = |process: Process| {
         let mut panel = Panel::new(format!("{}: error, {}", process.title(), shown.rows.layout.signal.unit()));
@@ -203,7 +202,6 @@ fn bins_u32(bins: usize) -> u32 {
 }
 
 /// Gaussian kernel density times the width of a bar, with Silverman's bandwidth from the spread of the inner half.
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 fn density(values: &[f64], [from, to]: [f64; 2], bar: f64) -> Vec<[f64; 2]> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
