@@ -74,7 +74,7 @@ pub struct Blocks<'a, T = f64> {
 
 /// The laws of several units in lanes.
 #[derive(Clone, Copy, Debug)]
-pub struct Bank<T = f64> {
+pub(crate) struct Bank<T = f64> {
     small_loop: SmallLoop<T>,
     supply: Supply<T>,
     proportional_valve: ProportionalValve<T>,
@@ -103,22 +103,11 @@ impl<T: Wide> Bank<T> {
 
     /// The regulators' small loops.
     #[inline(always)]
-    pub fn small_loop(&self) -> &SmallLoop<T> {
+    pub(crate) fn small_loop(&self) -> &SmallLoop<T> {
         &self.small_loop
     }
 }
 
-abreast!(State {
-    pilot_position_pu,
-    pilot_rate_pu_s,
-    control_pressure_pa,
-    spool_position_m,
-    spool_velocity_m_s,
-    opening_pressure_pa,
-    closing_pressure_pa,
-    servomotor_position_m,
-    servomotor_velocity_m_s,
-});
 apart!(State {
     pilot_position_pu,
     pilot_rate_pu_s,
