@@ -86,7 +86,7 @@ impl Adaptation {
 
 /// Detector and correction. A step takes constant time and no memory.
 #[derive(Clone, Debug)]
-pub struct Adapter {
+pub(crate) struct Adapter {
     at_rest: f64,
     in_motion: f64,
     moving_above: f64,

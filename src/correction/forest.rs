@@ -138,7 +138,7 @@ impl Forest {
 
     /// The same, and the leaf of each tree that the row falls into, as a place below [`Self::places`]; `leaves` holds one a tree.
     #[must_use]
-    pub fn value_and_leaves(&self, row: &[f64], leaves: &mut [u32]) -> f64 {
+    pub(crate) fn value_and_leaves(&self, row: &[f64], leaves: &mut [u32]) -> f64 {
         let mut rest = leaves.iter_mut();
         self.walk(row, |found| rest.by_ref().zip(found).for_each(|(leaf, place)| *leaf = *place))
     }

@@ -9,7 +9,7 @@ use super::forest::Forest;
 
 /// What each leaf has learned, and the leaves of the row at hand. A step takes constant time and no memory.
 #[derive(Clone, Debug)]
-pub struct Leaves {
+pub(crate) struct Leaves {
     /// Of each node and leaf of the forest; the coefficient's unit is the signal's.
     added: Vec<f64>,
     /// Rows from which each learned.

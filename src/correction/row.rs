@@ -124,7 +124,7 @@ pub type ChannelRow = [f64; RowChannel::ALL.len()];
 
 /// Makes rows of frames and estimates; a measured opening holds from one sample to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RowMaker {
+pub(crate) struct RowMaker {
     opening: Opening,
     signal: Signal,
     held_pu: f64,

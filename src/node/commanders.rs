@@ -38,7 +38,7 @@ enum Named {
 
 /// Those who may command; nobody else may. Without names there is no list, and everybody may.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct AllowList(Vec<Named>);
+pub(crate) struct AllowList(Vec<Named>);
 
 impl AllowList {
     /// Reads names and ids between commas.

@@ -134,7 +134,7 @@ pub struct Loop {
 }
 
 /// What the listener works with.
-pub struct Listener<'a> {
+pub(crate) struct Listener<'a> {
     /// The bus.
     pub bus: &'a Bus,
     /// The loop.
@@ -168,7 +168,7 @@ pub struct Listener<'a> {
 }
 
 /// What arrives through one endpoint, dealt with as it comes.
-pub type Arrivals<'a> = LocalBoxStream<'a, ()>;
+pub(crate) type Arrivals<'a> = LocalBoxStream<'a, ()>;
 
 /// Hears until told to stop.
 pub(crate) fn hear(arrivals: Vec<Arrivals<'_>>, stop: oneshot::Receiver<()>) {

@@ -57,7 +57,7 @@ impl Publishers {
 }
 
 /// The way of one unit's results out.
-pub struct Outlet<'a, 's> {
+pub(crate) struct Outlet<'a, 's> {
     publishers: &'a Publishers,
     outputs: Consumer<TickOutput>,
     answers: Consumer<Answer>,

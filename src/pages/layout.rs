@@ -29,7 +29,7 @@ pub(crate) fn words_px(words: &str, size_px: f64) -> f64 {
 
 /// One panel's place, px from the picture's top left, and its ranges.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PanelPlace {
+pub(crate) struct PanelPlace {
     /// Left, top, right, bottom of the plot itself.
     pub plot: [f64; 4],
     /// Top of the title row.

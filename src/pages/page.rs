@@ -124,7 +124,7 @@ impl PageBody {
     }
 
     /// A table behind a line that opens it.
-    pub fn details_table(&mut self, summary: impl Into<String>, table: Table, caption: impl Into<String>) {
+    pub(crate) fn details_table(&mut self, summary: impl Into<String>, table: Table, caption: impl Into<String>) {
         self.details(summary, Self(vec![Block::Table { table, caption: caption.into() }]));
     }
 

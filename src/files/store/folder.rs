@@ -140,7 +140,7 @@ impl Folder {
 }
 
 /// Removes what killed writers left under temporary names in the folders below one, once it is old: workers may be at work there. Links are not followed.
-pub fn tidy_below(folder: &Path, deepest: usize) {
+pub(crate) fn tidy_below(folder: &Path, deepest: usize) {
     let Some(deepest) = deepest.checked_sub(1) else { return };
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         if entry.file_type().is_ok_and(|kind| kind.is_dir()) {

@@ -43,7 +43,7 @@ impl Draw {
     }
 
     /// Evenly in the logarithm between two values.
-    pub fn log_between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn log_between(&mut self, low: f64, high: f64) -> f64 {
         self.between(low.ln(), high.ln()).exp()
     }
 

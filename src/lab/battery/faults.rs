@@ -68,7 +68,7 @@ pub struct Stranger {
 }
 
 /// All strangers.
-pub const STRANGERS: &[Stranger] = &[
+pub(crate) const STRANGERS: &[Stranger] = &[
     Stranger {
         id: "lvdt_cubic",
         stage: Stage::Sensor,

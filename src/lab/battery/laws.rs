@@ -27,7 +27,7 @@ pub struct Bristles {
 impl Bristles {
     /// Rate of the bristles' bend at a speed, m/s, and the friction against it, N.
     #[inline]
-    pub fn rate_and_force(&self, velocity_m_s: f64, bend_m: f64) -> (f64, f64) {
+    pub(crate) fn rate_and_force(&self, velocity_m_s: f64, bend_m: f64) -> (f64, f64) {
         if self.coulomb_n == 0.0 {
             return (0.0, 0.0);
         }
@@ -49,7 +49,7 @@ pub fn edge(beyond: f64, radius: f64) -> f64 {
 /// What an eroded edge passes at a distance beyond it, m: before it inverse to the distance (Eryilmaz & Wilson 2000), and ever less more than a
 /// sharp one beyond it. Value and slope are continuous; at the edge it passes as much as a sharp one at `reach_m`.
 #[inline]
-pub fn eroded(beyond_m: f64, reach_m: f64) -> f64 {
+pub(crate) fn eroded(beyond_m: f64, reach_m: f64) -> f64 {
     if beyond_m <= 0.0 {
         return reach_m * reach_m / (reach_m - beyond_m).max(f64::MIN_POSITIVE);
     }
@@ -59,7 +59,7 @@ pub fn eroded(beyond_m: f64, reach_m: f64) -> f64 {
 
 /// Pressure that a clogged return filter holds back, Pa: part laminar, and less where its bypass begins to open.
 #[inline]
-pub fn held_back_pa(quadratic: f64, flow_m3_s: f64) -> f64 {
+pub(crate) fn held_back_pa(quadratic: f64, flow_m3_s: f64) -> f64 {
     let filter_pa = quadratic * (0.85 * flow_m3_s.abs() + 0.15 * 0.02) * flow_m3_s;
     let bypass = filter_pa / 8e6;
     filter_pa / (1.0 + bypass * bypass).sqrt()
@@ -67,13 +67,13 @@ pub fn held_back_pa(quadratic: f64, flow_m3_s: f64) -> f64 {
 
 /// What an analogue link with a wrong span makes of a value, pu: its error grows faster than the value.
 #[inline]
-pub fn spanned(value_pu: f64, excess: f64) -> f64 {
+pub(crate) fn spanned(value_pu: f64, excess: f64) -> f64 {
     value_pu * (1.0 + excess * (0.92 + 0.15 * value_pu))
 }
 
 /// What an amplifier makes of a current that comes near its limit, pu: round corners, unequal sides, and a limit that sinks while it warms.
 #[inline]
-pub fn sagging(current_pu: f64, limit_pu: f64, time_s: f64) -> f64 {
+pub(crate) fn sagging(current_pu: f64, limit_pu: f64, time_s: f64) -> f64 {
     let side = if current_pu >= 0.0 { 1.03 } else { 0.97 };
     let warming = 1.0 + 0.05 * (-time_s.max(0.0) / 15.0).exp();
     let ratio = current_pu / (side * warming * limit_pu.max(1e-3));
@@ -82,7 +82,7 @@ pub fn sagging(current_pu: f64, limit_pu: f64, time_s: f64) -> f64 {
 
 /// Root of a pressure drop through a rounded orifice, √Pa: laminar below `TRANSITION_PA`, turbulent above, smooth between.
 #[inline]
-pub fn jet(drop_pa: f64) -> f64 {
+pub(crate) fn jet(drop_pa: f64) -> f64 {
     drop_pa / (drop_pa * drop_pa + TRANSITION_PA * TRANSITION_PA).sqrt().sqrt()
 }
 
@@ -108,7 +108,7 @@ pub fn gap(drop_pa: f64, match_pa: f64) -> f64 {
 
 /// What free air adds to the compressibility of oil, 1/Pa: `α P_0^(1/n)/(n P^(1 + 1/n))`, polytropic.
 #[inline]
-pub fn gas_compressibility_1_pa(share: f64, pressure_pa: f64) -> f64 {
+pub(crate) fn gas_compressibility_1_pa(share: f64, pressure_pa: f64) -> f64 {
     if share == 0.0 {
         return 0.0;
     }
@@ -133,7 +133,7 @@ const PLAY_SHARES: [f64; 4] = [0.4, 0.8, 1.2, 1.6];
 /// A rounded hysteresis loop: Prandtl and Ishlinskii's sum of plays (Visintin 1994, *Differential Models of Hysteresis*, chapter III).
 ///
 /// Unlike Bouc and Wen's it does not creep under dither. `plays` is its memory; all in the unit of the input.
-pub fn rounded_loop(input: f64, plays: &mut [f64; PLAY_SHARES.len()], width: f64) -> f64 {
+pub(crate) fn rounded_loop(input: f64, plays: &mut [f64; PLAY_SHARES.len()], width: f64) -> f64 {
     for (play, share) in plays.iter_mut().zip(PLAY_SHARES) {
         let half = 0.5 * share * width;
         *play = play.clamp(input - half, input + half);

@@ -78,7 +78,7 @@ impl Mismatch {
     }
 
     /// Friction of the servomotor with so much of a fault.
-    pub fn piston_friction(&self, coulomb_n: f64, fault_n: f64) -> Bristles {
+    pub(crate) fn piston_friction(&self, coulomb_n: f64, fault_n: f64) -> Bristles {
         Bristles {
             coulomb_n: coulomb_n + fault_n,
             static_ratio: if fault_n > 0.0 { 1.4 } else { 1.05 },
@@ -89,7 +89,7 @@ impl Mismatch {
     }
 
     /// Pressure that a return line of this loss holds back at a flow.
-    pub fn held_back_pa(&self, loss_pa_s2_m6: f64, flow_m3_s: f64) -> f64 {
+    pub(crate) fn held_back_pa(&self, loss_pa_s2_m6: f64, flow_m3_s: f64) -> f64 {
         let UnitSize { flow_ratio, pressure_ratio, .. } = self.size;
         held_back_pa(loss_pa_s2_m6 * flow_ratio * flow_ratio / pressure_ratio, flow_m3_s / flow_ratio) * pressure_ratio
     }

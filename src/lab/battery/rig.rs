@@ -63,7 +63,7 @@ pub struct Hand {
 
 /// The rig: parameters, faults, and what is odd about it.
 #[derive(Clone, Debug)]
-pub struct Rig {
+pub(crate) struct Rig {
     p: Parameters,
     faults: Faults,
     odd: Mismatch,

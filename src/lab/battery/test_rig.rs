@@ -31,7 +31,7 @@ const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 
 /// One plant, ready to go through its processes.
 #[derive(Clone, Debug)]
-pub struct TestRig {
+pub(crate) struct TestRig {
     /// Parameters as they truly are.
     pub parameters: Parameters,
     /// Transducers.

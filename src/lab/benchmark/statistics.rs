@@ -115,7 +115,7 @@ pub fn reliability(claims: &[StatedProbability]) -> Vec<Bin> {
 const SOUND: f64 = 0.5;
 
 /// Weight of a fault-free unit of a set relative to a faulty one, so that fault-free ones are half of it.
-pub fn weight_of_sound(sound: usize, all: usize) -> f64 {
+pub(crate) fn weight_of_sound(sound: usize, all: usize) -> f64 {
     if (1..all).contains(&sound) { SOUND / (1.0 - SOUND) * (all - sound) as f64 / sound as f64 } else { 1.0 }
 }
 

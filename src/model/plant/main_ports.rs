@@ -92,7 +92,7 @@ impl<T: Real> MainPorts<T> {
     /// A Gaussian of standard deviation σ about an edge passes 0.4 σ of travel on average, a hyperbola half its width:
     /// `blur_m` = 0.8 σ matches them there.
     #[inline(always)]
-    pub fn blurred_travel_m(&self, position_m: T, blur_m: T) -> T {
+    pub(crate) fn blurred_travel_m(&self, position_m: T, blur_m: T) -> T {
         let sharp = blur_m.is(0.0) & self.edge_radius_m.is(0.0);
         either!(sharp, position_m - position_m.clamp(-self.closing_overlap_m, self.opening_overlap_m), {
             let square_m2 = blur_m * blur_m + self.edge_radius_m * self.edge_radius_m;
@@ -103,7 +103,14 @@ impl<T: Real> MainPorts<T> {
 
     /// Flows at a travel beyond the overlap.
     #[inline(always)]
-    pub fn flows(&self, travel_m: T, opening_pa: T, closing_pa: T, tank_pa: T, supply: &Supply<T>) -> PortFlows<T> {
+    pub(crate) fn flows(
+        &self,
+        travel_m: T,
+        opening_pa: T,
+        closing_pa: T,
+        tank_pa: T,
+        supply: &Supply<T>,
+    ) -> PortFlows<T> {
         let zero = travel_m.like(0.0);
         let none = Flow { m3_s: zero, slope_m3_s_pa: zero };
         either!(travel_m.is(0.0), PortFlows { opening: none, closing: none, drawn_m3_s: zero }, {

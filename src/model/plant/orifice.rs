@@ -56,7 +56,7 @@ pub fn root<T: Real>(drop_pa: T) -> (T, T) {
 ///
 /// `series` is the inverse conductance of the second, so that 0 means that it is not there.
 #[inline(always)]
-pub fn in_series<T: Real>(conductance: T, series: T) -> T {
+pub(crate) fn in_series<T: Real>(conductance: T, series: T) -> T {
     either!(series.is(0.0), conductance, {
         let ratio = conductance * series;
         conductance / (ratio * ratio + 1.0).sqrt()

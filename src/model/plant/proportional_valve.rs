@@ -73,7 +73,7 @@ impl ProportionalValve {
     }
 
     /// The exact step over `step_s`.
-    pub fn propagator(&self, step_s: f64) -> Propagator {
+    pub(crate) fn propagator(&self, step_s: f64) -> Propagator {
         let omega = self.natural_frequency_rad_s;
         let sigma = self.damping_ratio * omega;
         let square = omega * omega - sigma * sigma;

@@ -54,31 +54,31 @@ impl Regulator {
     }
 
     /// Whole ticks between two runs of the large loop on the sheet.
-    pub fn ticks_per_large_loop(&self) -> usize {
+    pub(crate) fn ticks_per_large_loop(&self) -> usize {
         usize::try_from(self.ticks_per_large_loop).unwrap_or(usize::MAX)
     }
 
     /// After how many ticks the large loop runs again, each time; `None` where its instants lie between ticks.
-    pub fn whole_ticks(&self) -> Option<u64> {
+    pub(crate) fn whole_ticks(&self) -> Option<u64> {
         (self.lengthened_ticks_count == 0.0 || self.dither_pu > 0.0).then_some(self.ticks_per_large_loop)
     }
 
     /// Lengthens the large loop's period, which then need not be a whole number of ticks.
-    pub fn lengthen_large_loop(&mut self, by_s: f64) {
+    pub(crate) fn lengthen_large_loop(&mut self, by_s: f64) {
         let ticks = self.lengthened_ticks_count.max(self.ticks_per_large_loop as f64);
         self.lengthened_ticks_count = ticks + (by_s / self.p.small_loop_period_s).max(0.0);
     }
 
     /// How often the large loop would run on the sheet while it runs once; above 1 where the twin is a mean and the loop slowed, which then
     /// keeps the sheet's instants, and what it demands is a mean over these runs.
-    pub fn runs_per_hold_count(&self) -> f64 {
+    pub(crate) fn runs_per_hold_count(&self) -> f64 {
         let mean = if self.dither_pu > 0.0 { self.lengthened_ticks_count } else { 0.0 };
         (mean / self.ticks_per_large_loop as f64).max(1.0)
     }
 
     /// Share of a tick that passes before the large loop runs in it; `None` where it does not run.
     #[inline]
-    pub fn large_loop_share(&self, tick: u64) -> Option<f64> {
+    pub(crate) fn large_loop_share(&self, tick: u64) -> Option<f64> {
         if self.lengthened_ticks_count == 0.0 || self.dither_pu > 0.0 {
             return tick.is_multiple_of(self.ticks_per_large_loop).then_some(0.0);
         }
@@ -89,7 +89,7 @@ impl Regulator {
     }
 
     /// The dead band on the servomotor error, pu: lower and upper edge.
-    pub fn deadband_pu(&self) -> (f64, f64) {
+    pub(crate) fn deadband_pu(&self) -> (f64, f64) {
         (self.p.deadband_lower_pu, self.p.deadband_upper_pu)
     }
 
@@ -122,7 +122,7 @@ impl Regulator {
     /// With `n ~ N(0, σ²)` on the error, `a = (e − Z_u)/σ`, `b = (Z_l − e)/σ`: each branch of the law contributes
     /// `(K1 e + C) Φ ± K1 σ φ` to the mean, and its square likewise. Noise smooths the dead band as dither does
     /// (Gelb & Vander Velde 1968, *Multiple-Input Describing Functions*, section 7.2); the limits act on the mean.
-    pub fn dithered_command_pu(&self, command_pu: f64, servomotor_reading_pu: f64) -> (f64, f64) {
+    pub(crate) fn dithered_command_pu(&self, command_pu: f64, servomotor_reading_pu: f64) -> (f64, f64) {
         let sigma = self.dither_pu;
         let e = self.command_gain * command_pu - servomotor_reading_pu;
         let gain = self.p.position_gain;
@@ -152,7 +152,7 @@ impl Regulator {
 
     /// The small loop.
     #[inline(always)]
-    pub fn small_loop(&self) -> SmallLoop {
+    pub(crate) fn small_loop(&self) -> SmallLoop {
         SmallLoop {
             gain: self.p.spool_gain,
             spool_reference_pu: self.p.spool_reference_pu,
@@ -168,7 +168,7 @@ impl Regulator {
     }
 
     /// The spool reading at which the small loop rests with this current, pu.
-    pub fn resting_reading_pu(&self, spool_command_pu: f64, valve_current_pu: f64) -> f64 {
+    pub(crate) fn resting_reading_pu(&self, spool_command_pu: f64, valve_current_pu: f64) -> f64 {
         spool_command_pu - self.p.spool_reference_pu
             + (self.p.current_reference_pu - valve_current_pu) / self.p.spool_gain
     }
@@ -176,7 +176,7 @@ impl Regulator {
 
 /// The regulator's small loop, of one unit or of several in lanes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SmallLoop<T = f64> {
+pub(crate) struct SmallLoop<T = f64> {
     gain: T,
     spool_reference_pu: T,
     current_reference_pu: T,

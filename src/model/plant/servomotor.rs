@@ -101,19 +101,19 @@ impl<T: Real> Servomotor<T> {
 
     /// Volume that one Pa more compresses in the opening chamber, m³/Pa.
     #[inline(always)]
-    pub fn opening_compliance_m3_pa(&self, position_m: T) -> T {
+    pub(crate) fn opening_compliance_m3_pa(&self, position_m: T) -> T {
         (self.dead_volume_m3 + self.opening_area_m2 * position_m) * self.compressibility_1_pa
     }
 
     /// Volume that one Pa more compresses in the closing chamber, m³/Pa.
     #[inline(always)]
-    pub fn closing_compliance_m3_pa(&self, position_m: T) -> T {
+    pub(crate) fn closing_compliance_m3_pa(&self, position_m: T) -> T {
         (self.dead_volume_m3 + self.closing_area_m2 * (self.stroke_m - position_m)) * self.compressibility_1_pa
     }
 
     /// How far a force into the end stop that the piston touches bends it, m.
     #[inline(always)]
-    pub fn stop_yield_m(&self, position_m: T, opening_pa: T, closing_pa: T) -> T {
+    pub(crate) fn stop_yield_m(&self, position_m: T, opening_pa: T, closing_pa: T) -> T {
         let zero = position_m.like(0.0);
         let off = position_m.gt(zero) & position_m.lt(self.stroke_m);
         either!(off | self.stop_compliance_m_n.is(0.0), zero, {

@@ -135,20 +135,20 @@ impl<T: Real> Spool<T> {
 
     /// Net leakage into the chamber, m³/s.
     #[inline(always)]
-    pub fn leakage_m3_s(&self, pressure_pa: T, supply_pa: T, return_pa: T) -> T {
+    pub(crate) fn leakage_m3_s(&self, pressure_pa: T, supply_pa: T, return_pa: T) -> T {
         self.leakage_m3_s_pa * (supply_pa - pressure_pa) + self.return_leakage_m3_s_pa * (return_pa - pressure_pa)
     }
 
     /// Force of the chambers, the weight and the spring, N, + opens.
     #[inline(always)]
-    pub fn static_force_n(&self, position_m: T, pressure_pa: T, supply_pa: T) -> T {
+    pub(crate) fn static_force_n(&self, position_m: T, pressure_pa: T, supply_pa: T) -> T {
         pressure_pa * self.control_area_m2 - supply_pa * self.constant_area_m2 + self.weight_n
             - self.spring_force_n(position_m)
     }
 
     /// How far a force into the stop that the spool touches bends it, m; the chambers' quasi-steady force counts.
     #[inline(always)]
-    pub fn stop_yield_m(&self, position_m: T, pressure_pa: T, supply_pa: T) -> T {
+    pub(crate) fn stop_yield_m(&self, position_m: T, pressure_pa: T, supply_pa: T) -> T {
         let zero = position_m.like(0.0);
         let off = position_m.gt(self.stroke_min_m) & position_m.lt(self.stroke_max_m);
         either!(off | self.stop_compliance_m_n.is(0.0), zero, {
@@ -159,7 +159,7 @@ impl<T: Real> Spool<T> {
     }
 
     /// Control-chamber pressure that balances the forces at rest, Pa.
-    pub fn balance_pressure_pa(&self, position_m: T, supply_pa: T) -> T {
+    pub(crate) fn balance_pressure_pa(&self, position_m: T, supply_pa: T) -> T {
         -self.static_force_n(position_m, position_m.like(0.0), supply_pa) / self.control_area_m2
     }
 }

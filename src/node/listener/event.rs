@@ -43,7 +43,7 @@ pub struct Teller {
 
 /// The end that takes.
 #[derive(Debug)]
-pub struct Taker {
+pub(crate) struct Taker {
     queue: Receiver<NodeEvent>,
     aside: Arc<Aside>,
 }

@@ -116,7 +116,7 @@ fn barred(summary: &ComparisonSummary) -> impl Iterator<Item = &ModelFigures> {
 }
 
 /// What of R² lies below the picture of [`bars`], as words for its caption; empty where nothing does.
-pub fn below_zero(summary: &ComparisonSummary) -> String {
+pub(crate) fn below_zero(summary: &ComparisonSummary) -> String {
     let below: Vec<String> = barred(summary)
         .flat_map(|model| model.processes.iter().filter(|one| one.score.r2 < 0.0).map(move |one| (model, one)))
         .map(|(model, one)| {
@@ -218,7 +218,7 @@ fn density(values: &[f64], [from, to]: [f64; 2], bar: f64) -> Vec<[f64; 2]> {
     (0..=200).map(|k| from + (to - from) * f64::from(k) / 200.0).map(|x| [x, at(x)]).collect()
 }
 
-pub fn heatmap(summary: &ComparisonSummary, unit: &str) -> Picture {
+pub(crate) fn heatmap(summary: &ComparisonSummary, unit: &str) -> Picture {
     let hybrids: Vec<&ModelFigures> =
         HYBRIDS.iter().rev().filter_map(|id| summary.models.iter().find(|model| model.id == *id)).collect();
     let panel = |(name, figure): &(&str, FigureOf)| {

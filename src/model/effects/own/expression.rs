@@ -52,7 +52,7 @@ const IF: &str = "if";
 const CLAMP: &str = "clamp";
 
 /// All functions.
-pub fn functions() -> impl Iterator<Item = &'static str> {
+pub(crate) fn functions() -> impl Iterator<Item = &'static str> {
     UNARY.iter().map(|(name, _)| *name).chain(BINARY.iter().map(|(name, _)| *name)).chain([IF, CLAMP])
 }
 
@@ -90,7 +90,7 @@ impl Expression {
     }
 
     /// Whether it uses the name at this place.
-    pub fn uses(&self, place: usize) -> bool {
+    pub(crate) fn uses(&self, place: usize) -> bool {
         self.ops.iter().any(|op| matches!(op, Op::Name(known) if *known == place))
     }
 
