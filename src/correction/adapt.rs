@@ -108,7 +108,7 @@ pub(crate) struct Adapter {
 
 impl Adapter {
     /// For a model with a band and its trees; what is added never exceeds the largest correction that its training saw, nor five half widths of the band.
-    pub fn new(model: &Model, trees: &Forest) -> Option<Self> {
+    pub(crate) fn new(model: &Model, trees: &Forest) -> Option<Self> {
         let band = model.band?;
         let largest = model.guard.range.iter().fold(0.0_f64, |most, edge| most.max(edge.abs()));
         let width = band.at_rest.max(band.in_motion);
@@ -132,22 +132,22 @@ impl Adapter {
     }
 
     /// What it saw and did so far.
-    pub fn counts(&self) -> Adaptation {
+    pub(crate) fn counts(&self) -> Adaptation {
         Adaptation { bias: self.learned[0], gain_ratio: self.learned[1], ..self.counts }
     }
 
     /// Alarms so far.
-    pub fn alarms(&self) -> u64 {
+    pub(crate) fn alarms(&self) -> u64 {
         self.counts.alarms
     }
 
     /// Where the leaves of the row at hand are put, before [`Self::correction`] and [`Self::hear`] are asked of it.
-    pub fn leaves(&mut self) -> &mut [u32] {
+    pub(crate) fn leaves(&mut self) -> &mut [u32] {
         self.leaves.here()
     }
 
     /// The correction of the present row, whose estimate by the twin is `value`; exactly 0 before the first alarm.
-    pub fn correction(&mut self, value: f64) -> f64 {
+    pub(crate) fn correction(&mut self, value: f64) -> f64 {
         let Some(best) = self.best().filter(|_| value.is_finite()) else { return 0.0 };
         let bounded = self.offers(value)[best];
         self.counts.adapted += 1;
@@ -157,7 +157,7 @@ impl Adapter {
     }
 
     /// Observes a measured sample, with the model's output there without adaptation, the twin's estimate, and its motion.
-    pub fn hear(&mut self, time_ns: i64, measured: f64, corrected: f64, value: f64, motion: f64) {
+    pub(crate) fn hear(&mut self, time_ns: i64, measured: f64, corrected: f64, value: f64, motion: f64) {
         let innovation = measured - corrected;
         if !(innovation.is_finite() && value.is_finite()) {
             return;

@@ -132,17 +132,17 @@ pub(crate) struct RowMaker {
 
 impl RowMaker {
     /// Rows for correcting a signal, with the opening from where it comes.
-    pub fn new(opening: Opening, signal: Signal) -> Self {
+    pub(crate) fn new(opening: Opening, signal: Signal) -> Self {
         Self { opening, signal, held_pu: f64::NAN }
     }
 
     /// Forgets the opening that it holds.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.held_pu = f64::NAN;
     }
 
     /// The row of a frame and of the twin's estimate for it.
-    pub fn row(&mut self, frame: &Frame, estimate: &Estimate) -> ChannelRow {
+    pub(crate) fn row(&mut self, frame: &Frame, estimate: &Estimate) -> ChannelRow {
         let now_pu = match self.opening {
             Opening::Simulated => estimate.signals.servomotor_position_pu,
             Opening::Measured => frame.measured.servomotor_position_pu,

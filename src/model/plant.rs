@@ -88,7 +88,7 @@ abreast!(Bank { small_loop, supply, proportional_valve, esv, spool, main_ports, 
 
 impl<T: Wide> Bank<T> {
     /// The laws of these plants in as many lanes as `zero` has; the last plant fills what lanes are left.
-    pub fn new(plants: &[&Plant], zero: T) -> Option<Self> {
+    pub(crate) fn new(plants: &[&Plant], zero: T) -> Option<Self> {
         let banks: Vec<Bank<f64>> = plants.iter().map(|plant| plant.bank()).collect();
         let last = banks.len().checked_sub(1)?;
         Some(Bank::abreast(&|lane| &banks[lane.min(last)], &|of| zero.each(of)))
@@ -96,7 +96,7 @@ impl<T: Wide> Bank<T> {
 
     /// The laws of the continuous plants.
     #[inline(always)]
-    pub fn blocks(&self) -> Blocks<'_, T> {
+    pub(crate) fn blocks(&self) -> Blocks<'_, T> {
         let Self { supply, proportional_valve, esv, spool, main_ports, servomotor, .. } = self;
         Blocks { supply, proportional_valve, esv, spool, main_ports, servomotor }
     }

@@ -108,7 +108,7 @@ impl ListedNode {
 }
 
 /// The list, and what the graph of ROS tells of senders.
-pub struct Commanders<'a> {
+pub(crate) struct Commanders<'a> {
     list: AllowList,
     graph: Option<&'a Tap>,
     health: &'a Health,

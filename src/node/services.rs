@@ -1,10 +1,10 @@
 //! The six parameter services of a ROS 2 node, for callers on Fast DDS and on Cyclone DDS alike ([`call`] says how).
 
-pub mod call;
+pub(crate) mod call;
 pub(crate) mod replies;
-pub mod simulation;
-pub mod steps;
-pub mod upkeep;
+pub(crate) mod simulation;
+pub(crate) mod steps;
+pub(crate) mod upkeep;
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -59,7 +59,7 @@ pub(crate) struct Aftermath {
 }
 
 /// What the answers share.
-pub struct ServiceContext<'a> {
+pub(crate) struct ServiceContext<'a> {
     /// The parameters.
     pub store: RefCell<ParameterStore>,
     /// Whether the loop has room for another twin.

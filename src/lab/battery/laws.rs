@@ -11,7 +11,7 @@ const TRANSITION_PA: f64 = 1.0e4;
 ///
 /// `d' = v − |v| d σ/g(v)`, `F = σ d + c d'`, `g = F_c (1 + (r − 1) e^(−(v/v_s)²))`, `σ = F_c/d_0`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bristles {
+pub(crate) struct Bristles {
     /// Coulomb friction `F_c`, N.
     pub coulomb_n: f64,
     /// Friction at rest over Coulomb friction `r`.
@@ -42,7 +42,7 @@ impl Bristles {
 
 /// What a rounded edge passes at a distance beyond it: a hyperbola of the given radius, in the unit of the arguments.
 #[inline]
-pub fn edge(beyond: f64, radius: f64) -> f64 {
+pub(crate) fn edge(beyond: f64, radius: f64) -> f64 {
     0.5 * (beyond + (beyond * beyond + radius * radius).sqrt())
 }
 
@@ -88,7 +88,7 @@ pub(crate) fn jet(drop_pa: f64) -> f64 {
 
 /// Flow through an orifice of conductance c, m³/(s √Pa), behind a filter that loses `quadratic Q² + linear Q`.
 #[inline]
-pub fn filtered(conductance: f64, drop_pa: f64, quadratic: f64, linear: f64) -> f64 {
+pub(crate) fn filtered(conductance: f64, drop_pa: f64, quadratic: f64, linear: f64) -> f64 {
     if conductance <= 1e-15 {
         return 0.0;
     }
@@ -102,7 +102,7 @@ pub fn filtered(conductance: f64, drop_pa: f64, quadratic: f64, linear: f64) -> 
 
 /// Leakage through a gap that is half laminar, half an orifice, over its laminar coefficient, Pa; both agree at `match_pa`.
 #[inline]
-pub fn gap(drop_pa: f64, match_pa: f64) -> f64 {
+pub(crate) fn gap(drop_pa: f64, match_pa: f64) -> f64 {
     0.5 * drop_pa + 0.5 * match_pa.sqrt() * jet(drop_pa)
 }
 
@@ -118,7 +118,7 @@ pub(crate) fn gas_compressibility_1_pa(share: f64, pressure_pa: f64) -> f64 {
 
 /// Force of an elastic, damped stop, N; it pushes and never pulls.
 #[inline]
-pub fn stop(at_m: f64, speed_m_s: f64, low_m: f64, high_m: f64, stiffness_n_m: f64, mass_kg: f64) -> f64 {
+pub(crate) fn stop(at_m: f64, speed_m_s: f64, low_m: f64, high_m: f64, stiffness_n_m: f64, mass_kg: f64) -> f64 {
     let into_m = at_m - at_m.clamp(low_m, high_m);
     if into_m == 0.0 {
         return 0.0;

@@ -7,7 +7,7 @@ use govtwin_model::parameters::Parameters;
 
 /// Small deviations from the nominal model's structure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mismatch {
+pub(crate) struct Mismatch {
     /// Overlap of each of the four edges over the sheet's.
     pub(super) overlap_shares: [f64; 4],
     pub(super) edge_radius_m: f64,
@@ -37,7 +37,7 @@ impl Mismatch {
     ///
     /// One seed draws the same deviations at every level. The travel of the ESV stays as usual: a longer one is `esv_slow`.
     #[must_use]
-    pub fn draw(p: &Parameters, size: &UnitSize, level: f64, draw: &mut Draw) -> Self {
+    pub(crate) fn draw(p: &Parameters, size: &UnitSize, level: f64, draw: &mut Draw) -> Self {
         // Lines of the same length in time: what they hold back goes with pressure over flow, what they hold with the inverse.
         let line_inertance = level * draw.between(5e4, 1.2e5) / Scaling::MainLeak.factor(size);
         let node_volume_m3 = draw.between(0.04, 0.08) * Scaling::MainLeak.factor(size);
@@ -67,7 +67,7 @@ impl Mismatch {
     }
 
     /// Friction of the spool with so much of a fault.
-    pub fn spool_friction(&self, fault_n: f64) -> Bristles {
+    pub(crate) fn spool_friction(&self, fault_n: f64) -> Bristles {
         Bristles {
             coulomb_n: self.spool_friction_n + fault_n,
             static_ratio: 1.3,

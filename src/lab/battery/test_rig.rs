@@ -71,7 +71,7 @@ struct RigRun {
 
 impl TestRig {
     /// Records a process.
-    pub fn record(&self, process: Process) -> (GeneratedStreams, Vec<Inputs>) {
+    pub(crate) fn record(&self, process: Process) -> (GeneratedStreams, Vec<Inputs>) {
         let random = RandomStreams { seed: self.seed, process };
         let script = self.script(process);
         let governor = Governor::new(script, random.of(Purpose::Command));
@@ -82,14 +82,14 @@ impl TestRig {
     }
 
     /// Records what the plant does under a test, brought to its first opening before.
-    pub fn answer(&self, test: &TestScript) -> GeneratedStreams {
+    pub(crate) fn answer(&self, test: &TestScript) -> GeneratedStreams {
         let tank_pressure_pa = self.parameters.oil.tank_pressure_pa;
         let inputs: Vec<Inputs> = test.frames(tank_pressure_pa).iter().map(|frame| frame.inputs).collect();
         self.run(Process::LoadIncrease, RigInputs::Given(&inputs), test.start_pu, &self.sensors).streams
     }
 
     /// What the transducers would show without noise under given inputs, every 10 ms.
-    pub fn readings(&self, process: Process, inputs: &[Inputs]) -> Vec<Signals> {
+    pub(crate) fn readings(&self, process: Process, inputs: &[Inputs]) -> Vec<Signals> {
         let start_pu = self.script(process).initial_opening_pu;
         self.run(process, RigInputs::Given(inputs), start_pu, &Sensors::default()).readings
     }

@@ -43,7 +43,7 @@ abreast!(MainPorts {
 
 /// Flows into the two chambers, and from the tank.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PortFlows<T = f64> {
+pub(crate) struct PortFlows<T = f64> {
     /// Into the opening chamber; slope against its own pressure.
     pub opening: Flow<T>,
     /// Into the closing chamber; slope against its own pressure.

@@ -36,7 +36,7 @@ impl<T: Real> Lanewise<T> for Flow<T> {
 
 /// The regularised root of a pressure drop, √Pa, and its slope, 1/√Pa.
 #[inline(always)]
-pub fn root<T: Real>(drop_pa: T) -> (T, T) {
+pub(crate) fn root<T: Real>(drop_pa: T) -> (T, T) {
     let size_pa = drop_pa.abs();
     either!(
         size_pa.ge(size_pa.like(LAMINAR_PRESSURE_DROP_PA)),

@@ -188,7 +188,7 @@ abreast!(SmallLoop { gain, spool_reference_pu, current_reference_pu, current_lim
 impl<T: Real> SmallLoop<T> {
     /// Valve current `u`, pu.
     #[inline(always)]
-    pub fn valve_current_pu(&self, spool_command_pu: T, spool_reading_pu: T) -> T {
+    pub(crate) fn valve_current_pu(&self, spool_command_pu: T, spool_reading_pu: T) -> T {
         let off_pu = spool_command_pu - spool_reading_pu - self.spool_reference_pu;
         (self.gain * off_pu + self.current_reference_pu).clamp(-self.current_limit_pu, self.current_limit_pu)
     }

@@ -166,7 +166,7 @@ impl<T: Real> Spool<T> {
 
 /// Inverse bulk modulus of oil with free air, 1/Pa.
 #[inline(always)]
-pub fn compressibility_1_pa<T: Real>(oil_1_pa: T, free_air_share: T, pressure_pa: T) -> T {
+pub(crate) fn compressibility_1_pa<T: Real>(oil_1_pa: T, free_air_share: T, pressure_pa: T) -> T {
     either!(free_air_share.is(0.0), oil_1_pa, {
         let absolute_pa = (pressure_pa + ATMOSPHERE_PA).max(pressure_pa.like(0.1 * ATMOSPHERE_PA));
         oil_1_pa + free_air_share * ATMOSPHERE_PA / (absolute_pa * absolute_pa)

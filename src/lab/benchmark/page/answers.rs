@@ -6,7 +6,7 @@ use crate::benchmark::scored::{MissedBy, ScoredUnit};
 use govtwin_diagnosis::words::capital;
 
 /// The answers, each under its question.
-pub fn answers(score: &Score, cases: &[ScoredUnit]) -> [(&'static str, Vec<String>); 4] {
+pub(crate) fn answers(score: &Score, cases: &[ScoredUnit]) -> [(&'static str, Vec<String>); 4] {
     let judged = score.measures.iter().filter(|measure| measure.reached.is_some()).count();
     let reached = score.measures.iter().filter(|measure| measure.reached == Some(true)).count();
     let mut cause =

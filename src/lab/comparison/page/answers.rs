@@ -5,7 +5,7 @@ use crate::comparison::summary::{ComparisonSummary, Covered, ModelFigures};
 use govtwin_model::number::{fixed, significant};
 
 /// The answers, each under its question.
-pub type Answers = [(&'static str, Vec<String>); 4];
+pub(crate) type Answers = [(&'static str, Vec<String>); 4];
 
 /// Of a comparison whose figures have this unit.
 pub(crate) fn of_comparison(summary: &ComparisonSummary, unit: &str) -> Answers {

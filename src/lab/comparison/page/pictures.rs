@@ -44,7 +44,7 @@ fn liveliest(shown: &Shown, process: Process) -> Vec<usize> {
     candidates.max_by(|a, b| lively(a).total_cmp(&lively(b))).unwrap_or_default()
 }
 
-pub fn traces(shown: &Shown) -> Picture {
+pub(crate) fn traces(shown: &Shown) -> Picture {
     let unit = shown.rows.layout.signal.unit();
     let panel = |process: Process| {
         let stretch = liveliest(shown, process);
@@ -65,7 +65,7 @@ pub fn traces(shown: &Shown) -> Picture {
 }
 
 /// A few rows around the one of each process that costs the MDHM most against the DDM.
-pub fn worst(summary: &ComparisonSummary, shown: &Shown) -> Picture {
+pub(crate) fn worst(summary: &ComparisonSummary, shown: &Shown) -> Picture {
     let panel = |one: &Broken| {
         let told = one.worst.first()?;
         let marks = &shown.rows.marks;
@@ -134,7 +134,7 @@ fn titles(models: &[ModelFigures]) -> Vec<&str> {
     models.first().into_iter().flat_map(|model| &model.processes).map(|one| title(one.process)).collect()
 }
 
-pub fn bars(summary: &ComparisonSummary, unit: &str) -> Picture {
+pub(crate) fn bars(summary: &ComparisonSummary, unit: &str) -> Picture {
     let models: Vec<&ModelFigures> = barred(summary).collect();
     let panel = |(name, figure): &(&str, FigureOf)| {
         let mut panel = Panel::new(with_unit(name, unit)).x_categories(titles(&summary.models));
@@ -156,7 +156,7 @@ fn residuals_of(shown: &Shown, contender: &Contender, process: Process) -> Vec<f
     rows.filter(|(mark, _)| mark.process == process).map(|(mark, estimate)| estimate - mark.measured).collect()
 }
 
-pub fn residuals(shown: &Shown) -> Picture {
+pub(crate) fn residuals(shown: &Shown) -> Picture {
     let panel = |process: Process| {
         let mut panel = Panel::new(format!("{}: error, {}", process.title(), shown.rows.layout.signal.unit()));
         for contender in shown.of(&HYBRIDS).into_iter().rev() {
@@ -169,7 +169,7 @@ pub fn residuals(shown: &Shown) -> Picture {
     Picture::grid("Errors of the hybrids", 1, processes(shown).into_iter().map(panel).collect())
 }
 
-pub fn spreads(shown: &Shown) -> Picture {
+pub(crate) fn spreads(shown: &Shown) -> Picture {
     let panel = |process: Process| {
         let all: Vec<(&Contender, Vec<f64>)> = shown
             .of(&HYBRIDS)
@@ -235,7 +235,7 @@ pub(crate) fn heatmap(summary: &ComparisonSummary, unit: &str) -> Picture {
     Picture::grid("MAE, RMSE and R² of the hybrids by process", 1, FIGURES.iter().map(panel).collect())
 }
 
-pub fn left_out(summary: &ComparisonSummary, unit: &str) -> Picture {
+pub(crate) fn left_out(summary: &ComparisonSummary, unit: &str) -> Picture {
     let unseen = &summary.left_out_process;
     let mut panel = Panel::new(format!("MAE on the process left out, {unit}"))
         .x_categories(unseen.iter().map(|one| title(one.process)))
@@ -249,7 +249,7 @@ pub fn left_out(summary: &ComparisonSummary, unit: &str) -> Picture {
     Picture::grid("A process left out of training", 1, vec![panel])
 }
 
-pub fn importance(summary: &ComparisonSummary) -> Picture {
+pub(crate) fn importance(summary: &ComparisonSummary) -> Picture {
     let strongest: Vec<_> = summary.importance.iter().take(20).rev().collect();
     let shares: Vec<f64> = strongest.iter().map(|one| one.gain_share).collect();
     let mut groups: Vec<(&str, f64)> = vec![];
