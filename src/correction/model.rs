@@ -181,7 +181,7 @@ impl Model {
     /// # Errors
     /// Where no signal has that id, or its unit is another.
     pub fn signal(&self) -> Result<Signal, ModelError> {
-        let signal = Signal::ALL.into_iter().find(|signal| signal.id() == self.signal && signal.unit() == self.unit);
+        let signal = Signal::with_id(&self.signal).filter(|signal| signal.unit() == self.unit);
         signal.ok_or_else(|| ModelError::Mismatch {
             what: "signal",
             found: format!("`{}` in {}", self.signal, self.unit),

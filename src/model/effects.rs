@@ -73,11 +73,6 @@ impl Stage {
     pub const ALL: [Self; 7] =
         [Self::Regulator, Self::PilotValve, Self::Esv, Self::Spool, Self::Servomotor, Self::Supply, Self::Sensor];
 
-    /// The stage with an id of reports and labels.
-    pub fn with_id(id: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|stage| stage.id() == id)
-    }
-
     /// The id in reports and labels.
     pub fn id(self) -> &'static str {
         match self {

@@ -98,10 +98,7 @@ pub fn breakdown_table(broken: &ErrorBreakdown, unit: &str) -> Table {
 
 /// The words for a process's id.
 fn title(id: &str) -> &str {
-    match Process::ALL.into_iter().find(|process| process.id() == id) {
-        Some(process) => process.title(),
-        None => id,
-    }
+    Process::with_id(id).map_or(id, |process| process.title())
 }
 
 /// The page.

@@ -59,7 +59,7 @@ impl Ladder {
 
     /// The signal that is evaluated.
     pub fn judged(&self) -> Signal {
-        Signal::ALL.into_iter().find(|signal| signal.id() == self.signal).unwrap_or(Signal::SpoolPosition)
+        Signal::with_id(self.signal).unwrap_or(Signal::SpoolPosition)
     }
 
     /// The processes that occur, in their usual order.
