@@ -35,3 +35,10 @@ pub mod table;
 mod thin;
 mod ticks;
 pub mod watch;
+
+use govtwin_model::signal::Signal;
+
+/// What the errors of a signal are multiplied by where they are shown, and the unit of that.
+pub(crate) fn scale(signal: Signal) -> (f64, &'static str) {
+    if signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") }
+}

@@ -2,6 +2,7 @@
 
 use crate::ink::Ink;
 use crate::picture::{Mark, MarkShape, Panel, Picture};
+use crate::scale;
 use govtwin_diagnosis::result::{Breakdown, Diagnosis, DiscrepancyTerm, SignalGap, Verdict};
 use govtwin_diagnosis::words::{id_words, is_judged, stage_title};
 use govtwin_model::signal::Signal;
@@ -19,7 +20,7 @@ fn height(bars: usize) -> u32 {
 /// RMS errors of the twins, a panel for each signal.
 pub(crate) fn residuals(diagnosis: &Diagnosis, explained: bool) -> Picture {
     let panel = |gap: &SignalGap| {
-        let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
+        let (scale, unit) = scale(gap.signal);
         let mut steps = vec![(diagnosis.setup.sheet_title(), gap.delivered), ("recalibrated", gap.refitted)];
         if explained {
             steps.push(("with faults", gap.with_effects));
