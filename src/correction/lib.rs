@@ -18,7 +18,6 @@ pub mod features;
 pub mod forest;
 pub mod guard;
 pub mod history;
-pub mod inloop;
 pub(crate) mod leaves;
 pub mod model;
 pub mod prepare;

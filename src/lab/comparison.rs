@@ -35,6 +35,8 @@ pub mod contenders;
 pub mod coverage;
 #[cfg(feature = "residual")]
 pub(crate) mod gate;
+#[cfg(feature = "residual")]
+pub mod inloop;
 pub mod limit;
 pub mod page;
 #[cfg(feature = "residual")]
