@@ -5,11 +5,10 @@ use super::contenders::{data_only, estimates, keeping, mechanism};
 use super::gate::BlendGate;
 use govtwin_correction::booster::{Hyperparameters, Objective, TrainError};
 use govtwin_correction::features::Feature;
-use govtwin_correction::forest::Forest;
 use govtwin_correction::model::Learned;
 use govtwin_correction::split::{RowSplit, folds};
 use govtwin_correction::table::FeatureTable;
-use govtwin_correction::training;
+use govtwin_correction::training::{self, walkable};
 
 /// How many steps there are with a refitted parent; one less without.
 pub const STEPS: usize = 12;
@@ -37,8 +36,7 @@ pub fn said(
     seed: u64,
 ) -> Result<Vec<f64>, TrainError> {
     let (trees, _) = training::fit(table, &split.train, learned, with, seed)?;
-    let width = table.layout.features.len();
-    let forest = Forest::new(&trees, width).map_err(|error| TrainError::Library(error.to_string()))?;
+    let forest = walkable(&trees, table.layout.features.len())?;
     Ok(estimates(&forest, table, &split.test, learned, None))
 }
 

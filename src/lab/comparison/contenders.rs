@@ -9,7 +9,7 @@ use govtwin_correction::guard::{Guard, GuardCounts};
 use govtwin_correction::model::{Learned, Model};
 use govtwin_correction::split::without_process;
 use govtwin_correction::table::{FeatureTable, TableLayout};
-use govtwin_correction::training::{self, GuardKind};
+use govtwin_correction::training::{self, GuardKind, walkable};
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Process;
 
@@ -111,7 +111,7 @@ pub fn leave_one_out(
         }
         let forest = |table: &FeatureTable, learned| -> Result<Forest, TrainError> {
             let (trees, _) = training::fit(table, &split.train, learned, &Hyperparameters::MANUAL, seed)?;
-            Forest::new(&trees, table.layout.features.len()).map_err(|error| TrainError::Library(error.to_string()))
+            walkable(&trees, table.layout.features.len())
         };
         let mut hybrids = |table: &FeatureTable, [bare, guarded]: [(&'static str, &'static str); 2]| {
             let with = Hyperparameters::MANUAL;
