@@ -51,19 +51,24 @@ impl Band {
 }
 
 /// The conformal quantile of residuals that are not negative.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts of rows, and a share of them that lies between 0 and the count plus one"
-)]
 fn quantile(mut residuals: Vec<f64>, coverage_share: f64) -> Option<f64> {
     residuals.retain(|residual| residual.is_finite());
     if residuals.len() < FEWEST {
         return None;
     }
     residuals.sort_by(f64::total_cmp);
-    let rank = ((residuals.len() + 1) as f64 * coverage_share).ceil() as usize;
-    residuals.get(rank.clamp(1, residuals.len()) - 1).copied()
+    conformal(&residuals, coverage_share)
+}
+
+/// The ⌈(n + 1)·c⌉-th smallest of n sorted numbers, the largest where there is none.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts of rows, and a share of them that lies between 0 and the count plus one"
+)]
+pub(crate) fn conformal(sorted: &[f64], share: f64) -> Option<f64> {
+    let rank = ((sorted.len() + 1) as f64 * share).ceil() as usize;
+    sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
 }
 
 #[cfg(test)]

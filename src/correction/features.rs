@@ -189,7 +189,7 @@ impl Feature {
             FeatureKind::Mean(len) => mean(window(len), len),
             FeatureKind::Spread(len) => {
                 let mean = mean(window(len), len);
-                (window(len).map(|value| (value - mean) * (value - mean)).sum::<f64>() / count(len)).sqrt()
+                (window(len).map(|value| (value - mean) * (value - mean)).sum::<f64>() / len as f64).sqrt()
             }
             FeatureKind::Lowest(len) => window(len).fold(f64::INFINITY, f64::min),
             FeatureKind::Highest(len) => window(len).fold(f64::NEG_INFINITY, f64::max),
@@ -207,28 +207,24 @@ pub fn fill(features: &[Feature], taps: &Taps, period_ns: i64, values: &mut [f64
     }
 }
 
-fn count(len: usize) -> f64 {
-    len as f64
-}
-
 fn mean(values: impl Iterator<Item = f64>, len: usize) -> f64 {
-    values.sum::<f64>() / count(len)
+    values.sum::<f64>() / len as f64
 }
 
 /// Least-squares slope per row of a window whose first value is the newest.
 fn slope(values: impl Iterator<Item = f64> + Clone, len: usize) -> f64 {
-    let middle = 0.5 * (count(len) - 1.0);
-    let mean = mean(values.clone(), len);
-    let along: f64 = values.enumerate().map(|(k, value)| (middle - count(k)) * (value - mean)).sum();
-    along / (count(len) * (count(len) * count(len) - 1.0) / 12.0)
+    let (n, mean) = (len as f64, mean(values.clone(), len));
+    let middle = 0.5 * (n - 1.0);
+    let along: f64 = values.enumerate().map(|(k, value)| (middle - k as f64) * (value - mean)).sum();
+    along / (n * (n * n - 1.0) / 12.0)
 }
 
 /// Share of a window's spread that a straight line explains, with the sign of its slope; 0 where nothing moves.
 fn strength(values: impl Iterator<Item = f64> + Clone, len: usize) -> f64 {
-    let mean = mean(values.clone(), len);
+    let (n, mean) = (len as f64, mean(values.clone(), len));
     let spread: f64 = values.clone().map(|value| (value - mean) * (value - mean)).sum();
     let slope = slope(values, len);
-    let explained = slope * slope * count(len) * (count(len) * count(len) - 1.0) / 12.0;
+    let explained = slope * slope * n * (n * n - 1.0) / 12.0;
     // Rounding alone moves a constant by less than this.
     if spread <= 1e-18 * (1.0 + mean * mean) { 0.0 * spread } else { (explained / spread).min(1.0).copysign(slope) }
 }

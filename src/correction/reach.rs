@@ -8,6 +8,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::band::conformal;
+
 /// Features of the operating point; a model without one of them uses the others.
 const PLACES: [&str; 6] =
     ["command_pu.mean10", "command_pu.slope5", "error_pu.mean10", "esv", "model.mean5", "model.spread5"];
@@ -120,7 +122,7 @@ impl Reach {
             ratios.retain(|ratio| ratio.is_finite());
             ratios.sort_by(f64::total_cmp);
             self.weight_shares.push(weight_share);
-            self.widenings.push(rank(&ratios, coverage_share).unwrap_or(1.0).max(1.0));
+            self.widenings.push(conformal(&ratios, coverage_share).unwrap_or(1.0).max(1.0));
         }
         self
     }
@@ -166,12 +168,6 @@ fn safest(rows: &[&Unseen]) -> u32 {
         return STEPS;
     }
     (0..=STEPS).map(|steps| (steps, worst(steps))).min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(steps, _)| steps)
-}
-
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts of rows, and a share of them")]
-fn rank(sorted: &[f64], share: f64) -> Option<f64> {
-    let at = ((sorted.len() + 1) as f64 * share).ceil() as usize;
-    sorted.get(at.clamp(1, sorted.len().max(1)) - 1).copied()
 }
 
 /// One over the standard deviation of a feature over rows; 1 where it does not move.
