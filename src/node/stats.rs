@@ -174,7 +174,7 @@ impl RunSummary {
             self.overruns,
             self.skipped,
             self.lost_outputs,
-            megabytes(self.resident_bytes)
+            self.resident_bytes as f64 / 1_048_576.0
         );
         // Writing to a `String` cannot fail.
         let _ = writeln!(text, "{:<22}{:>12}{:>12}{:>12}{:>12}", "us", "p50", "p99", "p99.9", "max");
@@ -218,10 +218,6 @@ fn positive(value_ns: i64) -> u64 {
 
 fn micros(value_ns: u64) -> f64 {
     value_ns as f64 * 1e-3
-}
-
-fn megabytes(bytes: u64) -> f64 {
-    bytes as f64 / 1_048_576.0
 }
 
 #[cfg(test)]
