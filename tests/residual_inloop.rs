@@ -4,9 +4,9 @@
 use govtwin_correction::booster::{Hyperparameters, grow};
 use govtwin_correction::forest::Forest;
 use govtwin_correction::guard::Guard;
-use govtwin_correction::inloop::FEATURES;
 use govtwin_diagnosis::generate::{self, Scenario};
 use govtwin_lab::comparison::closed::{PULL_1_S, pull, twin};
+use govtwin_lab::comparison::inloop::FEATURES;
 use govtwin_model::parameters::{EffectSetting, Unit};
 use govtwin_model::params;
 use govtwin_model::recording::{Process, Recording};

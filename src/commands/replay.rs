@@ -29,8 +29,8 @@ use govtwin_model::twin::{Cut, Twin};
 use govtwin_pages::replay::{ladder_table, process_table, reason_for_dashes, reason_for_stars};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator};
 
-use super::bags::{self, Bag, GivenBag, MapArgs, TopicArgs};
-use super::output::{Output, Progress, print, table_text, warn, warn_all};
+use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
+use super::output::{Output, Progress, print, table_text, warn_all};
 use super::provenance;
 use crate::commands::choice::{RATES_OF_INPUTS, choice};
 use crate::commands::{Outcome, sheet_of, usage};
@@ -199,27 +199,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Err(usage("--adapt follows one residual; leave out --then and further --residual"));
     }
     let mut requirements = Requirements::read(args, choice.models.len())?;
-    let twin = Twin::new(&sheet.unit).with_cut(args.cut.cut());
-    // A further unit or a learned residual runs along all rows again.
-    let whole = !args.then.is_empty() || !choice.models.is_empty();
-    let way = Way { args, unit: &sheet.unit, twin: &twin, whole };
-    let mut held: Vec<Option<Followed>> = bags.iter().map(|_| None).collect();
-    if choice.is_open() {
-        held = on_all(&bags, held, |bag, _| way.hold(bag).map(Some))?;
-        choice.settle(args, &sheet.unit, bags.iter().zip(held.iter().flatten().map(|held| &held.replayed)));
-    }
+    let mut results = replay_all(args, &sheet.unit, (&bags, &mapped), &mut choice, climbs, requirements.as_mut())?;
     let Choice { models, driven, shipped, .. } = choice;
-    if let Some(requirements) = &mut requirements {
-        requirements.suit(args, driven.id(), !models.is_empty())?;
-    }
     // On a ladder every model has a unit of its own.
     let single = models.first().filter(|_| !climbs);
-    let corrector = single.map(|(_, model)| residual::ready(model, &sheet.unit, args.cut.cut())).transpose()?;
-    let mut results = on_all(&bags, held, |bag, held| {
-        let followed = way.drive(bag, driven, held)?;
-        describe(args, (bag, mapped.given(&bag.path)), followed, &sheet.unit, corrector.as_ref())
-    })?;
-    residual::check_rates(&models, &shipped, &mut results)?;
     let mut adaptation = None;
     if let Some((_, model)) = single.filter(|_| args.adapt) {
         let corrector = residual::ready(model, &sheet.unit, args.cut.cut())?.adapting(model)?;
@@ -270,16 +253,49 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if let (Some(requirements), Some(validation)) = (&requirements, &summary.validation) {
         requirements.write(validation)?;
     }
-    let mut outcome = if mapped.warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings };
-    warn_all(&mapped.warnings);
-    for one in &summary.recordings {
-        for warning in &one.warnings {
-            warn(&format!("{}: {warning}", one.name));
-            outcome = Outcome::Warnings;
-        }
-    }
+    let of_recordings = summary.recordings.iter().flat_map(|one| {
+        let name = &one.name;
+        one.warnings.iter().map(move |warning| format!("{name}: {warning}"))
+    });
+    let warnings: Vec<String> = mapped.warnings.iter().cloned().chain(of_recordings).collect();
+    warn_all(&warnings);
     let is_kept = summary.validation.as_ref().is_none_or(|validation| validation.passed);
-    Ok(if is_kept { outcome } else { Outcome::Failed })
+    Ok(match (is_kept, warnings.is_empty()) {
+        (false, _) => Outcome::Failed,
+        (true, false) => Outcome::Warnings,
+        (true, true) => Outcome::Ok,
+    })
+}
+
+/// Replays every bag, corrected where there is one residual for all; the bags decide on the shipped one.
+fn replay_all(
+    args: &Args,
+    unit: &Unit,
+    (bags, mapped): (&[Bag], &Mapped),
+    choice: &mut Choice,
+    climbs: bool,
+    requirements: Option<&mut Requirements>,
+) -> anyhow::Result<Vec<Result>> {
+    let twin = Twin::new(unit).with_cut(args.cut.cut());
+    // A further unit or a learned residual runs along all rows again.
+    let whole = !args.then.is_empty() || !choice.models.is_empty();
+    let way = Way { args, unit, twin: &twin, whole };
+    let mut held: Vec<Option<Followed>> = bags.iter().map(|_| None).collect();
+    if choice.is_open() {
+        held = on_all(bags, held, |bag, _| way.hold(bag).map(Some))?;
+        choice.settle(args, unit, bags.iter().zip(held.iter().flatten().map(|held| &held.replayed)));
+    }
+    if let Some(requirements) = requirements {
+        requirements.suit(args, choice.driven.id(), !choice.models.is_empty())?;
+    }
+    let single = choice.models.first().filter(|_| !climbs);
+    let corrector = single.map(|(_, model)| residual::ready(model, unit, args.cut.cut())).transpose()?;
+    let mut results = on_all(bags, held, |bag, held| {
+        let followed = way.drive(bag, choice.driven, held)?;
+        describe(args, (bag, mapped.given(&bag.path)), followed, unit, corrector.as_ref())
+    })?;
+    residual::check_rates(&choice.models, &choice.shipped, &mut results)?;
+    Ok(results)
 }
 
 fn ladder_text(ladder: &Ladder) -> String {

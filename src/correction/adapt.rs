@@ -72,7 +72,6 @@ pub struct Adaptation {
 
 impl Adaptation {
     /// What happened, for a person.
-    #[must_use]
     pub fn words(&self) -> String {
         if self.alarms == 0 {
             return format!("no drift in {} samples; nothing was adapted", self.samples);
@@ -87,7 +86,7 @@ impl Adaptation {
 
 /// Detector and correction. A step takes constant time and no memory.
 #[derive(Clone, Debug)]
-pub struct Adapter {
+pub(crate) struct Adapter {
     at_rest: f64,
     in_motion: f64,
     moving_above: f64,
@@ -109,8 +108,7 @@ pub struct Adapter {
 
 impl Adapter {
     /// For a model with a band and its trees; what is added never exceeds the largest correction that its training saw, nor five half widths of the band.
-    #[must_use]
-    pub fn new(model: &Model, trees: &Forest) -> Option<Self> {
+    pub(crate) fn new(model: &Model, trees: &Forest) -> Option<Self> {
         let band = model.band?;
         let largest = model.guard.range.iter().fold(0.0_f64, |most, edge| most.max(edge.abs()));
         let width = band.at_rest.max(band.in_motion);
@@ -134,24 +132,22 @@ impl Adapter {
     }
 
     /// What it saw and did so far.
-    #[must_use]
-    pub fn counts(&self) -> Adaptation {
+    pub(crate) fn counts(&self) -> Adaptation {
         Adaptation { bias: self.learned[0], gain_ratio: self.learned[1], ..self.counts }
     }
 
     /// Alarms so far.
-    #[must_use]
-    pub fn alarms(&self) -> u64 {
+    pub(crate) fn alarms(&self) -> u64 {
         self.counts.alarms
     }
 
     /// Where the leaves of the row at hand are put, before [`Self::correction`] and [`Self::hear`] are asked of it.
-    pub fn leaves(&mut self) -> &mut [u32] {
+    pub(crate) fn leaves(&mut self) -> &mut [u32] {
         self.leaves.here()
     }
 
     /// The correction of the present row, whose estimate by the twin is `value`; exactly 0 before the first alarm.
-    pub fn correction(&mut self, value: f64) -> f64 {
+    pub(crate) fn correction(&mut self, value: f64) -> f64 {
         let Some(best) = self.best().filter(|_| value.is_finite()) else { return 0.0 };
         let bounded = self.offers(value)[best];
         self.counts.adapted += 1;
@@ -161,7 +157,7 @@ impl Adapter {
     }
 
     /// Observes a measured sample, with the model's output there without adaptation, the twin's estimate, and its motion.
-    pub fn hear(&mut self, time_ns: i64, measured: f64, corrected: f64, value: f64, motion: f64) {
+    pub(crate) fn hear(&mut self, time_ns: i64, measured: f64, corrected: f64, value: f64, motion: f64) {
         let innovation = measured - corrected;
         if !(innovation.is_finite() && value.is_finite()) {
             return;

@@ -25,7 +25,6 @@ const FEWEST: usize = 30;
 
 impl Band {
     /// The band of residuals, each with how far its twin moved. `None` where there are too few.
-    #[must_use]
     pub fn of(residuals: &[(f64, f64)], coverage_share: f64) -> Option<Self> {
         let mut motions: Vec<f64> = residuals.iter().map(|(motion, _)| *motion).collect();
         motions.sort_by(f64::total_cmp);
@@ -46,27 +45,30 @@ impl Band {
     }
 
     /// The half width for a row whose twin moved so far.
-    #[must_use]
     pub fn half_width(&self, motion: f64) -> f64 {
         if motion > self.moving_above { self.in_motion } else { self.at_rest }
     }
 }
 
 /// The conformal quantile of residuals that are not negative.
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts of rows, and a share of them that lies between 0 and the count plus one"
-)]
 fn quantile(mut residuals: Vec<f64>, coverage_share: f64) -> Option<f64> {
     residuals.retain(|residual| residual.is_finite());
     if residuals.len() < FEWEST {
         return None;
     }
     residuals.sort_by(f64::total_cmp);
-    let rank = ((residuals.len() + 1) as f64 * coverage_share).ceil() as usize;
-    residuals.get(rank.clamp(1, residuals.len()) - 1).copied()
+    conformal(&residuals, coverage_share)
+}
+
+/// The ⌈(n + 1)·c⌉-th smallest of n sorted numbers, the largest where there is none.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts of rows, and a share of them that lies between 0 and the count plus one"
+)]
+pub(crate) fn conformal(sorted: &[f64], share: f64) -> Option<f64> {
+    let rank = ((sorted.len() + 1) as f64 * share).ceil() as usize;
+    sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
 }
 
 #[cfg(test)]

@@ -38,7 +38,6 @@ impl Objective {
     pub const ALL: [Self; 4] = [Self::L1, Self::Huber, Self::L2, Self::Quantile];
 
     /// The library's name for it.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::L1 => "regression_l1",
@@ -248,7 +247,6 @@ impl Reference {
     }
 
     /// The plain call; NaN where the library refuses.
-    #[must_use]
     pub fn plain(&self, row: &[f64]) -> f64 {
         let width = self.0.num_features();
         let predicted = self.0.predict_with_params(row, width, true, "num_threads=1");
@@ -256,7 +254,6 @@ impl Reference {
     }
 
     /// The library's fast path for single rows; NaN where it refuses.
-    #[must_use]
     pub fn fast(&self, row: &[f64]) -> f64 {
         let predicted = self.0.predict_single_row_fast(row);
         predicted.ok().and_then(|values| values.first().copied()).unwrap_or(f64::NAN)

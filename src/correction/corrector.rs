@@ -81,31 +81,26 @@ impl Corrector {
     }
 
     /// What the adaptation saw and did, where there is one.
-    #[must_use]
     pub fn adaptation(&self) -> Option<Adaptation> {
         self.adapter.as_ref().map(Adapter::counts)
     }
 
     /// The signal that it corrects.
-    #[must_use]
     pub fn signal(&self) -> Signal {
         self.signal
     }
 
     /// Share of the measured values that its band is to hold, where it has one.
-    #[must_use]
     pub fn coverage_share(&self) -> Option<f64> {
         self.band.map(|band| band.coverage_share)
     }
 
     /// What the guard did so far.
-    #[must_use]
     pub fn counts(&self) -> &GuardCounts {
         &self.counts
     }
 
     /// Alarms of drift so far.
-    #[must_use]
     pub fn alarms(&self) -> u64 {
         self.adapter.as_ref().map_or(0, Adapter::alarms)
     }

@@ -163,7 +163,6 @@ impl Scaled<'_> {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 fn middle_and_spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     let count = values.clone().count().max(1) as f64;
     let middle = values.clone().sum::<f64>() / count;
@@ -241,7 +240,6 @@ fn draw_weights(vars: &VarMap, random: &mut ChaCha8Rng) -> Result<()> {
     for (_, var) in named(vars)? {
         let dims = var.dims().to_vec();
         let inputs = dims.last().copied().unwrap_or(1).max(1);
-        #[expect(clippy::cast_precision_loss, reason = "layers are a few dozen wide")]
         let reach = 1.0 / (inputs as f32).sqrt();
         let count = dims.iter().product();
         let values: Vec<f32> = (0..count).map(|_| random.random_range(-reach..reach)).collect();

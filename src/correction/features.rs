@@ -34,7 +34,6 @@ pub enum FeatureGroup {
 
 impl FeatureGroup {
     /// The name in tables.
-    #[must_use]
     pub fn title(self) -> &'static str {
         match self {
             Self::Original => "original",
@@ -75,7 +74,6 @@ const LAGS: [usize; 4] = [1, 2, 3, 5];
 const WINDOWS: [usize; 2] = [5, PAST];
 
 /// All features, in the order of a model's list.
-#[must_use]
 pub fn all() -> Vec<Feature> {
     use RowChannel::{Command, Error, Esv, Model, Opening, TankPressure};
     let mut list = vec![];
@@ -135,38 +133,32 @@ pub fn all() -> Vec<Feature> {
 }
 
 /// The feature with this name.
-#[must_use]
 pub fn named(name: &str) -> Option<Feature> {
     all().into_iter().find(|feature| feature.name() == name)
 }
 
 impl Feature {
     /// Its group in Table 1.
-    #[must_use]
     pub fn group(&self) -> FeatureGroup {
         self.group
     }
 
     /// The channel that it is made of.
-    #[must_use]
     pub fn channel(&self) -> RowChannel {
         self.channel
     }
 
     /// Whether it is the present value of a channel.
-    #[must_use]
     pub fn is_now(&self) -> bool {
         self.kind == FeatureKind::Now
     }
 
     /// Whether it is the rate or the bend of an input, which the paper's list lacks.
-    #[must_use]
     pub fn is_rate_of_input(&self) -> bool {
         !self.channel.is_model() && matches!(self.kind, FeatureKind::Rate | FeatureKind::Bend)
     }
 
     /// The name in model files: channel, then what is made of it, with periods as the unit of lags and windows.
-    #[must_use]
     pub fn name(&self) -> String {
         let channel = self.channel.id();
         match self.kind {
@@ -185,7 +177,6 @@ impl Feature {
     }
 
     /// Its value; derivatives and slopes are per second.
-    #[must_use]
     pub fn value(&self, taps: &Taps, period_s: f64) -> f64 {
         let at = |k: usize| taps[k][self.channel as usize];
         let window = |len: usize| taps[..len].iter().map(|tap| tap[self.channel as usize]);
@@ -198,7 +189,7 @@ impl Feature {
             FeatureKind::Mean(len) => mean(window(len), len),
             FeatureKind::Spread(len) => {
                 let mean = mean(window(len), len);
-                (window(len).map(|value| (value - mean) * (value - mean)).sum::<f64>() / count(len)).sqrt()
+                (window(len).map(|value| (value - mean) * (value - mean)).sum::<f64>() / len as f64).sqrt()
             }
             FeatureKind::Lowest(len) => window(len).fold(f64::INFINITY, f64::min),
             FeatureKind::Highest(len) => window(len).fold(f64::NEG_INFINITY, f64::max),
@@ -216,29 +207,24 @@ pub fn fill(features: &[Feature], taps: &Taps, period_ns: i64, values: &mut [f64
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "windows are a few rows long")]
-fn count(len: usize) -> f64 {
-    len as f64
-}
-
 fn mean(values: impl Iterator<Item = f64>, len: usize) -> f64 {
-    values.sum::<f64>() / count(len)
+    values.sum::<f64>() / len as f64
 }
 
 /// Least-squares slope per row of a window whose first value is the newest.
 fn slope(values: impl Iterator<Item = f64> + Clone, len: usize) -> f64 {
-    let middle = 0.5 * (count(len) - 1.0);
-    let mean = mean(values.clone(), len);
-    let along: f64 = values.enumerate().map(|(k, value)| (middle - count(k)) * (value - mean)).sum();
-    along / (count(len) * (count(len) * count(len) - 1.0) / 12.0)
+    let (n, mean) = (len as f64, mean(values.clone(), len));
+    let middle = 0.5 * (n - 1.0);
+    let along: f64 = values.enumerate().map(|(k, value)| (middle - k as f64) * (value - mean)).sum();
+    along / (n * (n * n - 1.0) / 12.0)
 }
 
 /// Share of a window's spread that a straight line explains, with the sign of its slope; 0 where nothing moves.
 fn strength(values: impl Iterator<Item = f64> + Clone, len: usize) -> f64 {
-    let mean = mean(values.clone(), len);
+    let (n, mean) = (len as f64, mean(values.clone(), len));
     let spread: f64 = values.clone().map(|value| (value - mean) * (value - mean)).sum();
     let slope = slope(values, len);
-    let explained = slope * slope * count(len) * (count(len) * count(len) - 1.0) / 12.0;
+    let explained = slope * slope * n * (n * n - 1.0) / 12.0;
     // Rounding alone moves a constant by less than this.
     if spread <= 1e-18 * (1.0 + mean * mean) { 0.0 * spread } else { (explained / spread).min(1.0).copysign(slope) }
 }

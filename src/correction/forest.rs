@@ -122,32 +122,28 @@ impl Forest {
     }
 
     /// How many trees there are.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.groups.iter().map(|group| group.trees).sum()
     }
 
     /// Whether there is none.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.groups.is_empty()
     }
 
     /// The value of a row; NaN where the row is shorter than the trees' list of features. Allocates nothing.
-    #[must_use]
     pub fn value(&self, row: &[f64]) -> f64 {
         self.walk(row, |_| ())
     }
 
     /// The same, and the leaf of each tree that the row falls into, as a place below [`Self::places`]; `leaves` holds one a tree.
     #[must_use]
-    pub fn value_and_leaves(&self, row: &[f64], leaves: &mut [u32]) -> f64 {
+    pub(crate) fn value_and_leaves(&self, row: &[f64], leaves: &mut [u32]) -> f64 {
         let mut rest = leaves.iter_mut();
         self.walk(row, |found| rest.by_ref().zip(found).for_each(|(leaf, place)| *leaf = *place))
     }
 
     /// How many nodes and leaves there are.
-    #[must_use]
     pub fn places(&self) -> usize {
         self.nodes.len()
     }

@@ -82,7 +82,6 @@ impl GuardCounts {
 
 impl Guard {
     /// The box and range of training rows; rows of features stand one after the other in `values`.
-    #[must_use]
     pub fn of(values: &[f64], features: usize, targets: &[f64]) -> Self {
         let empty = [f64::INFINITY, f64::NEG_INFINITY];
         let widen = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];
@@ -96,7 +95,6 @@ impl Guard {
     }
 
     /// The weight of a correction at a row, 1 inside the support; `None` for a row that is not finite.
-    #[must_use]
     pub fn weight(&self, row: &[f64]) -> Option<f64> {
         let mut farthest: f64 = 0.0;
         for (value, [low, high]) in row.iter().zip(&self.support) {

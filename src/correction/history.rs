@@ -37,7 +37,6 @@ pub struct History {
 
 impl History {
     /// An empty history on a grid of `period_ns`, which is brought into the range that a history holds.
-    #[must_use]
     pub fn new(period_ns: i64) -> Self {
         let period_ns = period_ns.clamp(SHORTEST_PERIOD_NS, LONGEST_PERIOD_NS);
         // One period more than the taps reach, since the nearest row may lie before its instant.

@@ -9,7 +9,7 @@ use super::forest::Forest;
 
 /// What each leaf has learned, and the leaves of the row at hand. A step takes constant time and no memory.
 #[derive(Clone, Debug)]
-pub struct Leaves {
+pub(crate) struct Leaves {
     /// Of each node and leaf of the forest; the coefficient's unit is the signal's.
     added: Vec<f64>,
     /// Rows from which each learned.
@@ -22,25 +22,23 @@ pub struct Leaves {
 
 impl Leaves {
     /// For a forest, with the most that may be added to a row.
-    #[must_use]
-    pub fn new(forest: &Forest, limit: f64) -> Self {
+    pub(crate) fn new(forest: &Forest, limit: f64) -> Self {
         let places = forest.places();
         Self { added: vec![0.0; places], rows: vec![0; places], here: vec![0; forest.len()], limit }
     }
 
     /// Where the leaves of the row at hand are put.
-    pub fn here(&mut self) -> &mut [u32] {
+    pub(crate) fn here(&mut self) -> &mut [u32] {
         &mut self.here
     }
 
     /// What is to be added to the row at hand, in bounds.
-    #[must_use]
-    pub fn value(&self) -> f64 {
+    pub(crate) fn value(&self) -> f64 {
         self.here.iter().map(|leaf| self.added[*leaf as usize]).sum::<f64>().clamp(-self.limit, self.limit)
     }
 
     /// Takes what was missed at the row at hand, with the gain of a leaf that has learned for long.
-    pub fn learn(&mut self, missed: f64, least_gain: f64) {
+    pub(crate) fn learn(&mut self, missed: f64, least_gain: f64) {
         let share = missed / self.here.len() as f64;
         for leaf in &self.here {
             let leaf = *leaf as usize;

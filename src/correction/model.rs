@@ -110,7 +110,6 @@ struct Head {
 }
 
 /// What identifies a twin: all parameters and effects, to the last bit.
-#[must_use]
 pub fn fingerprint(unit: &Unit) -> String {
     let mut hash = Digest::default();
     for entry in ENTRIES {
@@ -126,7 +125,6 @@ pub fn fingerprint(unit: &Unit) -> String {
 
 impl Model {
     /// The text of its file; `None` where a number in it is not finite.
-    #[must_use]
     pub fn to_text(&self) -> Option<String> {
         let body = serde_json::to_string(self).ok()?;
         // JSON has no word for such numbers; a text that does not read back is no model.
@@ -183,7 +181,7 @@ impl Model {
     /// # Errors
     /// Where no signal has that id, or its unit is another.
     pub fn signal(&self) -> Result<Signal, ModelError> {
-        let signal = Signal::ALL.into_iter().find(|signal| signal.id() == self.signal && signal.unit() == self.unit);
+        let signal = Signal::with_id(&self.signal).filter(|signal| signal.unit() == self.unit);
         signal.ok_or_else(|| ModelError::Mismatch {
             what: "signal",
             found: format!("`{}` in {}", self.signal, self.unit),

@@ -72,14 +72,12 @@ pub struct Cleaning {
 
 impl Cleaning {
     /// Whether nothing was found.
-    #[must_use]
     pub fn is_clean(&self) -> bool {
         let found = [&self.missing, &self.doubled, &self.implausible_inputs, &self.implausible_targets, &self.outliers];
         self.repeats.is_none() && found.iter().all(|found| found.count == 0)
     }
 
     /// What was found, in words; empty where nothing was.
-    #[must_use]
     pub fn words(&self) -> String {
         let kinds = [
             (&self.missing, "missing samples"),
@@ -111,7 +109,6 @@ pub struct Prepared {
 }
 
 /// Prepares recordings for learning a signal.
-#[must_use]
 pub fn prepare(recordings: Vec<Recording>, signal: Signal) -> Prepared {
     let mut prepared = Prepared { recordings: vec![], cleanings: vec![] };
     for recording in recordings {

@@ -11,7 +11,6 @@ use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
 /// What a model assumes wherever it runs.
-#[must_use]
 pub fn assumed(model: &Model) -> String {
     format!(
         "trained on rows every {} s with the opening {} and inputs between rows by `{}`; its past is taken every {} s whatever the rate here",

@@ -8,6 +8,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::band::conformal;
+
 /// Features of the operating point; a model without one of them uses the others.
 const PLACES: [&str; 6] =
     ["command_pu.mean10", "command_pu.slope5", "error_pu.mean10", "esv", "model.mean5", "model.spread5"];
@@ -60,7 +62,6 @@ pub struct Unseen {
 impl Reach {
     /// The distance from `rows` alone, in standard deviations of `scales_of`: no weights yet. `None` where none of the features that make it is among
     /// the named ones.
-    #[must_use]
     pub fn of(names: &[String], rows: &[&[f64]], scales_of: &[&[f64]]) -> Option<Self> {
         let features: Vec<usize> =
             PLACES.iter().filter_map(|place| names.iter().position(|name| name == place)).collect();
@@ -76,7 +77,6 @@ impl Reach {
     }
 
     /// Distance of a row of features from the training rows, in standard deviations. Allocates nothing.
-    #[must_use]
     pub fn distance(&self, row: &[f64]) -> f64 {
         let mut squares = [0.0; POINTS];
         let count = self.points.first().map_or(0, Vec::len).min(POINTS);
@@ -98,7 +98,6 @@ impl Reach {
     }
 
     /// Weight and widening of the band at a distance.
-    #[must_use]
     pub fn at(&self, distance: f64) -> (f64, f64) {
         let level = self.edges.iter().filter(|edge| **edge <= distance).count();
         let of = |values: &[f64]| values.get(level).copied();
@@ -123,13 +122,12 @@ impl Reach {
             ratios.retain(|ratio| ratio.is_finite());
             ratios.sort_by(f64::total_cmp);
             self.weight_shares.push(weight_share);
-            self.widenings.push(rank(&ratios, coverage_share).unwrap_or(1.0).max(1.0));
+            self.widenings.push(conformal(&ratios, coverage_share).unwrap_or(1.0).max(1.0));
         }
         self
     }
 
     /// What is wrong with one that was read, for a model of so many features.
-    #[must_use]
     pub fn problem(&self, features: usize) -> Option<&'static str> {
         let width = self.features.len();
         let points = self.points.first().map_or(0, Vec::len);
@@ -172,19 +170,7 @@ fn safest(rows: &[&Unseen]) -> u32 {
     (0..=STEPS).map(|steps| (steps, worst(steps))).min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(steps, _)| steps)
 }
 
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts of rows, and a share of them"
-)]
-fn rank(sorted: &[f64], share: f64) -> Option<f64> {
-    let at = ((sorted.len() + 1) as f64 * share).ceil() as usize;
-    sorted.get(at.clamp(1, sorted.len().max(1)) - 1).copied()
-}
-
 /// One over the standard deviation of a feature over rows; 1 where it does not move.
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 fn scale(rows: &[&[f64]], feature: usize) -> f64 {
     let count = rows.len().max(1) as f64;
     let values = || rows.iter().map(|row| row[feature]);

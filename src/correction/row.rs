@@ -17,7 +17,6 @@ pub enum Opening {
 
 impl Opening {
     /// The name in files and words.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Simulated => "simulated",
@@ -42,7 +41,6 @@ impl RateOfInputs {
     pub const ALL: [Self; 2] = [Self::Hold, Self::Linear];
 
     /// The name in files and words.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Hold => "hold",
@@ -98,7 +96,6 @@ impl RowChannel {
     ];
 
     /// The name in lists of features.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Command => "command_pu",
@@ -117,7 +114,6 @@ impl RowChannel {
     }
 
     /// Whether it is the twin's word and not an input.
-    #[must_use]
     pub fn is_model(self) -> bool {
         self >= Self::Model
     }
@@ -128,7 +124,7 @@ pub type ChannelRow = [f64; RowChannel::ALL.len()];
 
 /// Makes rows of frames and estimates; a measured opening holds from one sample to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RowMaker {
+pub(crate) struct RowMaker {
     opening: Opening,
     signal: Signal,
     held_pu: f64,
@@ -136,18 +132,17 @@ pub struct RowMaker {
 
 impl RowMaker {
     /// Rows for correcting a signal, with the opening from where it comes.
-    #[must_use]
-    pub fn new(opening: Opening, signal: Signal) -> Self {
+    pub(crate) fn new(opening: Opening, signal: Signal) -> Self {
         Self { opening, signal, held_pu: f64::NAN }
     }
 
     /// Forgets the opening that it holds.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.held_pu = f64::NAN;
     }
 
     /// The row of a frame and of the twin's estimate for it.
-    pub fn row(&mut self, frame: &Frame, estimate: &Estimate) -> ChannelRow {
+    pub(crate) fn row(&mut self, frame: &Frame, estimate: &Estimate) -> ChannelRow {
         let now_pu = match self.opening {
             Opening::Simulated => estimate.signals.servomotor_position_pu,
             Opening::Measured => frame.measured.servomotor_position_pu,

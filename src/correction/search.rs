@@ -39,7 +39,6 @@ pub struct Hyperparameter {
 
 impl Hyperparameter {
     /// The value at a place from 0 to 1.
-    #[must_use]
     pub fn value(&self, place: f64) -> f64 {
         let [low, high] = self.range;
         let value = if self.logarithmic { low * (high / low).powf(place) } else { low + (high - low) * place };
@@ -74,7 +73,6 @@ pub struct Slice {
 }
 
 /// The trial with the smallest loss; the first of equals.
-#[must_use]
 pub fn best(trials: &[Evaluation]) -> Option<&Evaluation> {
     trials.iter().filter(|trial| trial.loss.is_finite()).min_by(|a, b| a.loss.total_cmp(&b.loss))
 }
@@ -188,7 +186,6 @@ fn predict(process: &Surrogate, space: &[Hyperparameter], points: &[Vec<f64>]) -
 }
 
 /// What the process makes of all trials, along each dimension through the best point; empty where none fits.
-#[must_use]
 pub fn slices(space: &[Hyperparameter], trials: &[Evaluation]) -> Vec<Slice> {
     let (Some(process), Some(best)) = (fit(space, trials), best(trials)) else { return vec![] };
     let along = |index: usize| {

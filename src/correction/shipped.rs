@@ -11,13 +11,11 @@ pub const NAME: &str = "reference_unit.residual (shipped)";
 const TEXT: &str = include_str!("../../params/reference_unit.residual");
 
 /// The shipped residual, if it was trained for this unit: the digest in it is that of all parameters and effects.
-#[must_use]
 pub fn of(unit: &Unit) -> Option<Model> {
     Model::from_text(TEXT).ok().filter(|model| model.twin == fingerprint(unit))
 }
 
 /// Size and digest of its file.
-#[must_use]
 pub fn file() -> FileUsed {
     FileUsed { path: NAME.to_owned(), bytes: TEXT.len() as u64, sha256: sha256(TEXT) }
 }

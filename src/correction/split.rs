@@ -26,7 +26,6 @@ pub struct RowSplit {
 }
 
 /// The 7:3 split of all rows.
-#[must_use]
 pub fn seven_to_three(table: &FeatureTable) -> RowSplit {
     let all: Vec<usize> = (0..table.marks.len()).collect();
     let mut split = RowSplit::default();
@@ -38,7 +37,6 @@ pub fn seven_to_three(table: &FeatureTable) -> RowSplit {
 }
 
 /// The five folds of training rows: each process in six blocks, of which the first `k` are for training and the next one for testing.
-#[must_use]
 pub fn folds(table: &FeatureTable, train: &[usize]) -> Vec<RowSplit> {
     let mut folds = vec![RowSplit::default(); FOLDS];
     for rows in by_process(table, train) {
@@ -51,13 +49,11 @@ pub fn folds(table: &FeatureTable, train: &[usize]) -> Vec<RowSplit> {
 }
 
 /// All rows of other processes for training, those of one for testing: how well a model extrapolates to an unseen process.
-#[must_use]
 pub fn without_process(table: &FeatureTable, process: Process) -> RowSplit {
     without(table, &(0..table.marks.len()).collect::<Vec<_>>(), process)
 }
 
 /// The same among some rows.
-#[must_use]
 pub fn without(table: &FeatureTable, rows: &[usize], process: Process) -> RowSplit {
     let (test, train) = rows.iter().partition(|&&row| table.marks[row].process == process);
     RowSplit { train, test, purged: 0 }
@@ -73,12 +69,7 @@ fn by_process(table: &FeatureTable, rows: &[usize]) -> Vec<Vec<usize>> {
     Process::ALL.into_iter().map(of).collect()
 }
 
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a share below one of a count of rows"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share below one of a count of rows")]
 fn share_of(count: usize, share: f64) -> usize {
     (count as f64 * share).round() as usize
 }

@@ -44,7 +44,6 @@ pub struct RowMark {
 
 impl RowMark {
     /// Measured − twin.
-    #[must_use]
     pub fn residual(&self) -> f64 {
         self.measured - self.model
     }
@@ -65,21 +64,18 @@ pub struct FeatureTable {
 
 impl FeatureTable {
     /// The features of one row.
-    #[must_use]
     pub fn row(&self, index: usize) -> &[f64] {
         let width = self.layout.features.len();
         self.values.get(index * width..(index + 1) * width).unwrap_or_default()
     }
 
     /// The rows of a selection, one after the other.
-    #[must_use]
     pub fn select(&self, rows: &[usize]) -> Vec<f64> {
         rows.iter().flat_map(|&index| self.row(index)).copied().collect()
     }
 }
 
 /// The slowest usual spacing of a signal's samples among recordings, ns; 0 where none has two.
-#[must_use]
 pub fn slowest_period_ns(recordings: &[Recording], signal: Signal) -> i64 {
     recordings.iter().map(|recording| spacing_ns(recording, signal)).max().unwrap_or(0)
 }
@@ -93,7 +89,6 @@ pub(super) fn spacing_ns(recording: &Recording, signal: Signal) -> i64 {
 /// One row for each sample of the signal, at most one a training period. Estimates stand frame by frame.
 ///
 /// Every recording begins with a history of its own, so that no window reaches into another one.
-#[must_use]
 pub fn table(recordings: &[Recording], estimates: &[Vec<Estimate>], layout: TableLayout) -> FeatureTable {
     let width = layout.features.len();
     let mut table = FeatureTable { values: vec![], marks: vec![], left_out: 0, layout };

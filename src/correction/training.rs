@@ -43,7 +43,6 @@ pub const SPACE: [Hyperparameter; 9] = [
 ];
 
 /// The hyperparameters at a point of [`SPACE`].
-#[must_use]
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -67,7 +66,6 @@ pub fn at(point: &[f64]) -> Hyperparameters {
 }
 
 /// The target of training.
-#[must_use]
 pub fn targets(table: &FeatureTable, rows: &[usize], learned: Learned) -> Vec<f64> {
     let of = |&row: &usize| match learned {
         Learned::Residual => table.marks[row].residual(),
@@ -209,7 +207,6 @@ pub fn loss(
     if residuals.is_empty() {
         return Err(TrainError::TooFew { found: 0 });
     }
-    #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
     let count = residuals.len() as f64;
     Ok(residuals.iter().map(|(_, residual)| residual.abs()).sum::<f64>() / count)
 }
@@ -252,7 +249,6 @@ pub fn model(
 }
 
 /// Hyperparameters by the library's names.
-#[must_use]
 pub fn named(with: &Hyperparameters) -> BTreeMap<String, f64> {
     let value = serde_json::to_value(with).unwrap_or_default();
     let fields = value.as_object().into_iter().flatten();

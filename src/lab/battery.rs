@@ -63,7 +63,6 @@ pub enum CaseKind {
 
 impl CaseKind {
     /// The word in labels.
-    #[must_use]
     pub fn id(&self) -> &'static str {
         match self {
             Self::Sound => "sound",
@@ -76,7 +75,6 @@ impl CaseKind {
     }
 
     /// Ids of what is in the unit.
-    #[must_use]
     pub fn ids(&self) -> Vec<&str> {
         match self {
             Self::Sound => vec![],
@@ -109,7 +107,6 @@ pub struct Case {
 
 impl Case {
     /// What is recorded of it: of a stage alone one recording, under the process that moves it most.
-    #[must_use]
     pub fn processes(&self) -> &'static [Process] {
         if self.alone.is_some() { &[Process::LoadIncrease] } else { &Process::ALL }
     }
@@ -158,14 +155,12 @@ pub struct Made {
 
 impl Made {
     /// The recordings, as a reader of their bags would align them.
-    #[must_use]
     pub fn recordings(&self) -> Vec<Recording> {
         self.streams.iter().map(|(process, streams)| Recording::new(process.id(), streams.rows())).collect()
     }
 }
 
 /// Makes a case of a type of unit; its label is without strength.
-#[must_use]
 pub fn make(unit: &Unit, case: &Case) -> Made {
     if case.alone.is_some() {
         let streams = case.processes().iter().map(|&process| (process, stage::record(unit, case))).collect();
@@ -189,7 +184,6 @@ fn streams(unit: &Unit, case: &Case, bench: &TestRig, effects: &[TrueFault]) -> 
 }
 
 /// The label of a case, without its strength.
-#[must_use]
 pub fn label(unit: &Unit, case: &Case) -> Label {
     if case.alone.is_some() {
         return stage::label(unit, case);
@@ -199,7 +193,6 @@ pub fn label(unit: &Unit, case: &Case) -> Label {
 
 /// The true values of a case in the twin's keys, its faults in the twin's equations; none where the catalogue of its diagnosis lacks a fault, and of a
 /// stage alone.
-#[must_use]
 pub fn true_values(unit: &Unit, case: &Case) -> Option<Unit> {
     if case.alone.is_some() {
         return None;
@@ -221,7 +214,6 @@ fn in_the_twins_keys(unit: &Unit, bench: &TestRig, effects: &[TrueFault]) -> Opt
 }
 
 /// How far the strongest signal of a case moves over its noise floor, RMS: every process is simulated three times. Of stages alone it is not measured.
-#[must_use]
 pub fn strength(unit: &Unit, case: &Case) -> f64 {
     if case.alone.is_some() {
         return f64::NAN;
@@ -247,7 +239,6 @@ fn unmeasured(case: &Case, effects: Vec<TrueFault>) -> Label {
 }
 
 /// Streams of the same plant on another day, by the same recorder: what no diagnosis has seen.
-#[must_use]
 pub fn fresh_recordings(unit: &Unit, case: &Case) -> Vec<(Process, GeneratedStreams)> {
     let (bench, effects) = bench(unit, case);
     let another = TestRig { seed: case.seed.wrapping_add(ANOTHER_DAY), ..bench };
@@ -255,7 +246,6 @@ pub fn fresh_recordings(unit: &Unit, case: &Case) -> Vec<(Process, GeneratedStre
 }
 
 /// What a recorder would have of a case's plant under a proposed test; none of a stage alone, and where the plant is the twin itself.
-#[must_use]
 pub fn answer(unit: &Unit, case: &Case, proposed: &Experiment) -> Option<GeneratedStreams> {
     let test = proposed.script.filter(|_| case.alone.is_none() && case.mismatch > 0.0)?;
     let (bench, _) = bench(unit, case);
@@ -309,7 +299,6 @@ fn bench(unit: &Unit, case: &Case) -> (TestRig, Vec<TrueFault>) {
 
 /// Of how many readings of the servomotor the regulator of a case takes the mean.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between the bounds")]
-#[must_use]
 pub fn readings(seed: u64) -> u32 {
     Draw::new(seed, Question::Regulator, 0).log_between(READINGS.0, READINGS.1).round() as u32
 }

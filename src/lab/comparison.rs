@@ -35,6 +35,8 @@ pub mod contenders;
 pub mod coverage;
 #[cfg(feature = "residual")]
 pub(crate) mod gate;
+#[cfg(feature = "residual")]
+pub mod inloop;
 pub mod limit;
 pub mod page;
 #[cfg(feature = "residual")]
@@ -71,7 +73,6 @@ pub struct ModelStanding {
 
 impl ModelStanding {
     /// Compares estimates with what was measured at `rows`.
-    #[must_use]
     pub fn of(table: &FeatureTable, rows: &[usize], contender: &Contender) -> Self {
         let pairs = |process: Option<Process>| {
             let of_process = rows
@@ -91,21 +92,17 @@ impl ModelStanding {
     }
 
     /// The figures of one process.
-    #[must_use]
     pub fn process(&self, process: Process) -> Option<&Figures> {
         self.processes.iter().find(|(own, _)| *own == process).map(|(_, figures)| figures)
     }
 
     /// Mean of R² over processes, as the paper averages it.
-    #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "four processes")]
     pub(crate) fn mean_r2(&self) -> f64 {
         self.processes.iter().map(|(_, figures)| figures.r2).sum::<f64>() / self.processes.len() as f64
     }
 }
 
 /// By how much `ours` is below `theirs`, percent: lowest and highest over processes.
-#[must_use]
 pub(crate) fn reduction(ours: &ModelStanding, theirs: &ModelStanding, figure: fn(&Figures) -> f64) -> [f64; 2] {
     let of = |(process, own): &(Process, Figures)| {
         theirs.process(*process).map(|other| 100.0 * (1.0 - figure(own) / figure(other)))

@@ -125,7 +125,6 @@ fn get<'a>(node: &'a Node, key: &str) -> Option<&'a Node> {
 }
 
 /// Labels as a file of the same format.
-#[must_use]
 pub fn write(labels: &[Label]) -> String {
     let mut text = "# What is truly in each synthetic unit; the scorer alone reads this.\n".to_owned();
     let quoted = |text: &str| serde_json::Value::from(text).to_string();
@@ -167,7 +166,6 @@ pub fn read_strengths(text: &str) -> Result<BTreeMap<String, f64>, LabelsError> 
 }
 
 /// Strengths by case as a file ([`Label::strength_ratio`]).
-#[must_use]
 pub fn write_strengths(strengths: &BTreeMap<String, f64>) -> String {
     let head =
         "# RMS by which the faults move the strongest recorded signal, over its noise floor; 0 where there is none.\n";

@@ -73,14 +73,7 @@ impl Stage {
     pub const ALL: [Self; 7] =
         [Self::Regulator, Self::PilotValve, Self::Esv, Self::Spool, Self::Servomotor, Self::Supply, Self::Sensor];
 
-    /// The stage with an id of reports and labels.
-    #[must_use]
-    pub fn with_id(id: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|stage| stage.id() == id)
-    }
-
     /// The id in reports and labels.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Regulator => "regulator",
@@ -209,14 +202,12 @@ impl EffectSpec {
     }
 
     /// One value for each parameter, in their order and units: as given, and neutral from where the given ones end.
-    #[must_use]
     pub fn completed(&self, values: &[f64]) -> Vec<f64> {
         let given = values.iter().copied().map(Some).chain(std::iter::repeat(None));
         self.parameters.iter().zip(given).map(|(parameter, value)| value.unwrap_or(parameter.neutral)).collect()
     }
 
     /// Reads the head of its file.
-    #[must_use]
     pub fn head(&self) -> EffectHead {
         let lines = self.source.lines().map_while(|line| line.strip_prefix("//!")).map(str::trim);
         let mut paragraphs = vec![String::new()];
@@ -305,13 +296,11 @@ pub fn of_the_chain() -> impl Iterator<Item = &'static EffectSpec> {
 }
 
 /// The effect with this id.
-#[must_use]
 pub fn find(id: &str) -> Option<&'static EffectSpec> {
     CATALOGUE.iter().find(|spec| spec.id == id)
 }
 
 /// An effect's id as words: `pilot-valve overlap` of `pv_overlap`.
-#[must_use]
 pub fn id_words(id: &str) -> String {
     let word = |part| match part {
         "pv" => "pilot-valve",
@@ -323,7 +312,6 @@ pub fn id_words(id: &str) -> String {
 }
 
 /// The effect with this id, of the catalogue or of the unit's owner.
-#[must_use]
 pub fn find_in(unit: &Unit, id: &str) -> Option<&'static EffectSpec> {
     find(id).or_else(|| unit.own_effects.iter().find(|own| own.id == id).and_then(|own| own::spec(own).ok()))
 }

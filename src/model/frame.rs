@@ -22,22 +22,6 @@ pub struct Inputs {
     pub piston_force_n: f64,
 }
 
-impl Inputs {
-    /// Takes the finite ones of new inputs; the others keep their values.
-    pub fn renew(&mut self, new: &Self) {
-        self.esv = new.esv;
-        if new.opening_command_pu.is_finite() {
-            self.opening_command_pu = new.opening_command_pu;
-        }
-        if new.tank_pressure_pa.is_finite() {
-            self.tank_pressure_pa = new.tank_pressure_pa;
-        }
-        if new.piston_force_n.is_finite() {
-            self.piston_force_n = new.piston_force_n;
-        }
-    }
-}
-
 /// Positions and pilot signals of the servo system, measured or simulated; NaN where not available.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signals {

@@ -12,7 +12,6 @@
 //! A pair in which either side is not finite is left out and counted.
 
 /// The middle value, the upper one of two; NaN of none.
-#[must_use]
 pub fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     if values.is_empty() { f64::NAN } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
@@ -21,7 +20,6 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 /// Standard deviation of white noise by the sizes of its second differences; what moves evenly adds nothing to them. NaN of none.
 ///
 /// The variance of a second difference is six times that of the noise, and the median size of a normal deviate 0.6745 times its deviation.
-#[must_use]
 pub fn noise_of_bends(bends: Vec<f64>) -> f64 {
     median(bends) / (0.6745 * 6.0_f64.sqrt())
 }
@@ -44,7 +42,6 @@ pub struct Accumulator {
 
 impl Accumulator {
     /// Nothing taken yet.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -59,7 +56,6 @@ impl Accumulator {
     }
 
     /// Takes one pair, both in the same unit.
-    #[expect(clippy::cast_precision_loss, reason = "counts of rows lie far below 2^53")]
     pub fn push(&mut self, measured: f64, estimated: f64) {
         let error = estimated - measured;
         if !error.is_finite() {
@@ -77,7 +73,6 @@ impl Accumulator {
     }
 
     /// Adds what another accumulator took, as if this one had taken it too.
-    #[expect(clippy::cast_precision_loss, reason = "counts of rows lie far below 2^53")]
     pub fn merge(&mut self, other: &Self) {
         self.skipped += other.skipped;
         if other.count == 0 {
@@ -96,8 +91,6 @@ impl Accumulator {
     }
 
     /// The figures of all pairs taken so far.
-    #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "counts of rows lie far below 2^53")]
     pub fn figures(&self) -> Figures {
         let rows = self.count as f64;
         let none = self.count == 0;

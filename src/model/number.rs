@@ -1,7 +1,6 @@
 //! Numbers as people read them: with few digits, and in the units that people use.
 
 /// A value with a number of significant digits, without an exponent for everyday sizes; a dash for NaN.
-#[must_use]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
 pub fn significant(value: f64, digits: u32) -> String {
     if !value.is_finite() {
@@ -25,7 +24,6 @@ const PREFIXES: [(&str, i32); 7] = [("G", 9), ("M", 6), ("k", 3), ("", 0), ("m",
 
 /// The unit that people use for a value, and what the value is multiplied by: shares in percent, lengths in millimetres, others with their
 /// SI prefix; no unit where there is none.
-#[must_use]
 pub fn scaled_unit(value: f64, unit: &str) -> (f64, String) {
     let first = unit.split([' ', '/']).next().unwrap_or_default();
     match unit {
@@ -59,14 +57,12 @@ fn raised(unit: &str) -> String {
 }
 
 /// A value with three digits in the unit that people use for it.
-#[must_use]
 pub fn quantity(value: f64, unit: &str) -> String {
     let (factor, unit) = scaled_unit(value, unit);
     format!("{} {unit}", significant(factor * value, 3)).trim_end().to_owned()
 }
 
 /// A value with a fixed number of digits after the point and a true minus sign; a dash for NaN.
-#[must_use]
 pub fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return "–".into();

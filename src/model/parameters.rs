@@ -168,7 +168,6 @@ parameters! {
 }
 
 /// The entry with this key.
-#[must_use]
 pub fn entry(key: &str) -> Option<&'static ParameterEntry> {
     ENTRIES.iter().find(|entry| entry.key == key)
 }

@@ -60,13 +60,11 @@ static SHIPPED: LazyLock<Sheet> = LazyLock::new(|| read_reference().expect("the 
 /// let unit = govtwin_model::params::reference();
 /// assert!(unit.effects.is_empty() && unit.parameters.servomotor.stroke_m > 0.0);
 /// ```
-#[must_use]
 pub fn reference() -> Unit {
     SHIPPED.unit.clone()
 }
 
 /// The shipped sheet with the sources of its values.
-#[must_use]
 pub fn reference_sheet() -> Sheet {
     SHIPPED.clone()
 }

@@ -74,7 +74,7 @@ pub struct Blocks<'a, T = f64> {
 
 /// The laws of several units in lanes.
 #[derive(Clone, Copy, Debug)]
-pub struct Bank<T = f64> {
+pub(crate) struct Bank<T = f64> {
     small_loop: SmallLoop<T>,
     supply: Supply<T>,
     proportional_valve: ProportionalValve<T>,
@@ -88,8 +88,7 @@ abreast!(Bank { small_loop, supply, proportional_valve, esv, spool, main_ports, 
 
 impl<T: Wide> Bank<T> {
     /// The laws of these plants in as many lanes as `zero` has; the last plant fills what lanes are left.
-    #[must_use]
-    pub fn new(plants: &[&Plant], zero: T) -> Option<Self> {
+    pub(crate) fn new(plants: &[&Plant], zero: T) -> Option<Self> {
         let banks: Vec<Bank<f64>> = plants.iter().map(|plant| plant.bank()).collect();
         let last = banks.len().checked_sub(1)?;
         Some(Bank::abreast(&|lane| &banks[lane.min(last)], &|of| zero.each(of)))
@@ -97,31 +96,18 @@ impl<T: Wide> Bank<T> {
 
     /// The laws of the continuous plants.
     #[inline(always)]
-    #[must_use]
-    pub fn blocks(&self) -> Blocks<'_, T> {
+    pub(crate) fn blocks(&self) -> Blocks<'_, T> {
         let Self { supply, proportional_valve, esv, spool, main_ports, servomotor, .. } = self;
         Blocks { supply, proportional_valve, esv, spool, main_ports, servomotor }
     }
 
     /// The regulators' small loops.
     #[inline(always)]
-    #[must_use]
-    pub fn small_loop(&self) -> &SmallLoop<T> {
+    pub(crate) fn small_loop(&self) -> &SmallLoop<T> {
         &self.small_loop
     }
 }
 
-abreast!(State {
-    pilot_position_pu,
-    pilot_rate_pu_s,
-    control_pressure_pa,
-    spool_position_m,
-    spool_velocity_m_s,
-    opening_pressure_pa,
-    closing_pressure_pa,
-    servomotor_position_m,
-    servomotor_velocity_m_s,
-});
 apart!(State {
     pilot_position_pu,
     pilot_rate_pu_s,
@@ -159,7 +145,6 @@ pub struct Plant {
 
 impl Plant {
     /// The nominal plant with these parameters, no effect in it.
-    #[must_use]
     pub fn new(p: &Parameters) -> Self {
         Self {
             regulator: Regulator::new(&p.regulator),
@@ -176,7 +161,6 @@ impl Plant {
 
     /// The laws of the continuous plant.
     #[inline(always)]
-    #[must_use]
     pub fn blocks(&self) -> Blocks<'_> {
         let Self { supply, proportional_valve, esv, spool, main_ports, servomotor, .. } = self;
         Blocks { supply, proportional_valve, esv, spool, main_ports, servomotor }

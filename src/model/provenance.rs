@@ -79,7 +79,6 @@ pub struct SheetUsed {
 
 impl Provenance {
     /// The digests of all files of all recordings, sorted.
-    #[must_use]
     pub fn digests(&self) -> Vec<&str> {
         let mut all: Vec<&str> =
             self.recordings.iter().flat_map(|one| one.files.iter().map(|file| file.sha256.as_str())).collect();
@@ -88,13 +87,11 @@ impl Provenance {
     }
 
     /// The origins that bags and folders state, each once.
-    #[must_use]
     pub fn origins(&self) -> Vec<&str> {
         origins(self.recordings.iter().map(|one| (one.synthetic, one.origin.as_deref())))
     }
 
     /// Names and values for a page.
-    #[must_use]
     pub fn facts(&self) -> Vec<(String, String)> {
         let mut facts = vec![
             ("program".to_owned(), format!("{} {}", self.program, self.command)),
@@ -113,7 +110,6 @@ impl Provenance {
     }
 
     /// Lines of comment for the head of a parameter file.
-    #[must_use]
     pub fn comments(&self) -> Vec<String> {
         let mut lines = vec![format!("Made by {} {} on {}.", self.program, self.command, self.date)];
         lines.push(format!("Unit: {}. Data sheet: {}.", self.unit, self.sheet.text()));

@@ -10,7 +10,6 @@ use crate::units::seconds_from_nanos;
 pub const SLOW_NS: i64 = 30_000_000;
 
 /// The usual time between two rows, ns: the median; 0 where there are fewer than two.
-#[must_use]
 pub fn median_spacing_ns(times_ns: impl Iterator<Item = i64>) -> i64 {
     let mut last_ns = None;
     let mut spacings_ns: Vec<i64> = times_ns.filter_map(|time_ns| Some(time_ns - last_ns.replace(time_ns)?)).collect();
@@ -36,7 +35,6 @@ impl Process {
     pub const ALL: [Self; 4] = [Self::Startup, Self::LoadIncrease, Self::Shutdown, Self::LoadRejection];
 
     /// The name in file names and keys.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Startup => "startup",
@@ -47,7 +45,6 @@ impl Process {
     }
 
     /// The name in words.
-    #[must_use]
     pub fn title(self) -> &'static str {
         match self {
             Self::Startup => "start-up",
@@ -62,7 +59,6 @@ impl Process {
     /// An ESV trip is a shutdown; a command that starts below 2 % and rises above 5 % is a start-up;
     /// a command that falls by more than 20 % of the stroke within two seconds is a load rejection;
     /// everything else is a change of load.
-    #[must_use]
     pub fn of(frames: &[Frame]) -> Self {
         let mut watch = ProcessWatch::default();
         for frame in frames {
@@ -101,7 +97,6 @@ impl ProcessWatch {
     }
 
     /// The process that the rows so far show.
-    #[must_use]
     pub fn process(&self) -> Process {
         if self.trips {
             Process::Shutdown
@@ -143,19 +138,16 @@ pub struct Recording {
 
 impl Recording {
     /// Names the frames and recognises their process.
-    #[must_use]
     pub fn new(name: impl Into<String>, frames: Vec<Frame>) -> Self {
         Self { name: name.into(), process: Process::of(&frames), frames, command_deviation_pu: 0.0 }
     }
 
     /// Whether an opening command was recorded; without one only the servomotor stage can be driven, by the spool.
-    #[must_use]
     pub fn has_command(&self) -> bool {
         self.frames.iter().any(|frame| frame.inputs.opening_command_pu.is_finite())
     }
 
     /// Time from the first to the last frame, s.
-    #[must_use]
     pub fn duration_s(&self) -> f64 {
         match (self.frames.first(), self.frames.last()) {
             (Some(first), Some(last)) => seconds_from_nanos(last.time_ns - first.time_ns),

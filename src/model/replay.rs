@@ -32,19 +32,16 @@ pub fn simulate(twin: &mut Twin, recording: &Recording) -> Vec<Estimate> {
 
 /// Runs a recording through the twin of a unit, closed loop from its first row, and compares: estimates row by row, and how far they are from what
 /// was measured. Deterministic; [`Replayed::new`] takes a twin with a cut or another method.
-#[must_use]
 pub fn replay(unit: &Unit, recording: Recording) -> Replayed {
     Replayed::new(&mut Twin::new(unit), recording)
 }
 
 /// Whether anything was measured at a row.
-#[must_use]
 pub fn is_measured(frame: &Frame) -> bool {
     Signal::ALL.iter().any(|signal| signal.of(&frame.measured).is_finite())
 }
 
 /// The signal that a cut takes from the recording, and that therefore says nothing about the twin.
-#[must_use]
 pub fn stands_in(cut: Cut) -> Option<Signal> {
     match cut {
         Cut::None => None,
@@ -61,7 +58,6 @@ impl Scores {
     /// Compares row by row; rows at which a signal was not measured do not count for it.
     ///
     /// A row that was measured and for which the twin has no finite value is counted as left out.
-    #[must_use]
     pub fn of(recording: &Recording, estimates: &[Estimate]) -> Self {
         let mut scores = Self::default();
         for (frame, estimate) in recording.frames.iter().zip(estimates) {
@@ -81,7 +77,6 @@ impl Scores {
     }
 
     /// Whether anything was measured at all.
-    #[must_use]
     pub fn are_measured(&self) -> bool {
         self.0.iter().map(Accumulator::figures).any(|figures| figures.count + figures.skipped > 0)
     }
@@ -94,7 +89,6 @@ impl Scores {
     }
 
     /// The figures of one signal, in its unit.
-    #[must_use]
     pub fn figures(&self, signal: Signal) -> Figures {
         self.0[signal as usize].figures()
     }
@@ -127,7 +121,6 @@ impl Replayed {
     }
 
     /// The usual time between two rows, ns; 0 where there is one row at most.
-    #[must_use]
     pub fn row_ns(&self) -> i64 {
         let step_ns = median_spacing_ns(self.recording.frames.iter().map(|frame| frame.time_ns));
         step_ns / i64::try_from(self.every).unwrap_or(i64::MAX)

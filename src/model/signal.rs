@@ -34,13 +34,11 @@ impl Signal {
     pub const POSITIONS: [Self; 2] = [Self::ServomotorPosition, Self::SpoolPosition];
 
     /// The signal at each of a twin's estimates.
-    #[must_use]
     pub fn of_estimates(self, estimates: &[Estimate]) -> Vec<f64> {
         estimates.iter().map(|estimate| self.of(&estimate.signals)).collect()
     }
 
     /// The name in keys, with its unit.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::ServomotorPosition => "servomotor_position_pu",
@@ -51,7 +49,6 @@ impl Signal {
     }
 
     /// The name in words.
-    #[must_use]
     pub fn title(self) -> &'static str {
         match self {
             Self::ServomotorPosition => "Servomotor position",
@@ -62,7 +59,6 @@ impl Signal {
     }
 
     /// The SI unit.
-    #[must_use]
     pub fn unit(self) -> &'static str {
         match self {
             Self::ServomotorPosition | Self::SpoolPosition | Self::PilotValvePosition => "pu",
@@ -71,7 +67,6 @@ impl Signal {
     }
 
     /// Its value in a row, in its unit.
-    #[must_use]
     pub fn of(self, signals: &Signals) -> f64 {
         match self {
             Self::ServomotorPosition => signals.servomotor_position_pu,
@@ -82,7 +77,6 @@ impl Signal {
     }
 
     /// The same row with this signal at `value`, in its unit.
-    #[must_use]
     pub fn with(self, mut signals: Signals, value: f64) -> Signals {
         match self {
             Self::ServomotorPosition => signals.servomotor_position_pu = value,
@@ -94,7 +88,6 @@ impl Signal {
     }
 
     /// Its transducer.
-    #[must_use]
     pub fn sensor(self, sensors: &Sensors) -> Sensor {
         match self {
             Self::ServomotorPosition => sensors.servomotor_position_pu,
@@ -108,7 +101,6 @@ impl Signal {
 held_by_id!(Signal, "a measured signal");
 
 /// The least and the greatest value so far, with one more; values that are not finite do not count.
-#[must_use]
 pub fn widened(ends: Option<(f64, f64)>, value: f64) -> Option<(f64, f64)> {
     if !value.is_finite() {
         return ends;
@@ -117,7 +109,6 @@ pub fn widened(ends: Option<(f64, f64)>, value: f64) -> Option<(f64, f64)> {
 }
 
 /// Greatest less least of the finite values; nothing where there is none.
-#[must_use]
 pub fn span(values: impl Iterator<Item = f64>) -> Option<f64> {
     values.fold(None, widened).map(|(low, high)| high - low)
 }

@@ -69,7 +69,6 @@ impl Stepwise {
 
 impl Solver {
     /// Prepares a method for ticks of `tick_s`.
-    #[must_use]
     pub fn new(method: Method, plant: &Plant, tick_s: f64) -> Self {
         let (step, max_step_s): (SolverStep, f64) = match method {
             Method::Split { max_step_s } => return Self::Split(Split::new(plant, tick_s, max_step_s)),
@@ -81,7 +80,6 @@ impl Solver {
     }
 
     /// The split method's steps, where that is the method.
-    #[must_use]
     pub fn split(&self) -> Option<&Split> {
         if let Self::Split(split) = self { Some(split) } else { None }
     }

@@ -33,7 +33,6 @@ pub struct State<T = f64> {
 
 impl State {
     /// As a vector.
-    #[must_use]
     pub fn to_vector(self) -> Vector {
         Vector::from([
             self.pilot_position_pu,
@@ -49,7 +48,6 @@ impl State {
     }
 
     /// From a vector.
-    #[must_use]
     pub fn from_vector(vector: &Vector) -> Self {
         let [x_p, v_p, p, x, v, p_1, p_2, z, w] = vector.data.0[0];
         Self {

@@ -10,6 +10,13 @@ use serde::{Deserialize, Deserializer};
 #[macro_export]
 macro_rules! held_by_id {
     ($type:ty, $what:literal) => {
+        impl $type {
+            /// The one with an id of files and reports.
+            pub fn with_id(id: &str) -> Option<Self> {
+                Self::ALL.into_iter().find(|one| one.id() == id)
+            }
+        }
+
         impl serde::Serialize for $type {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 serializer.serialize_str(self.id())
@@ -19,7 +26,7 @@ macro_rules! held_by_id {
         impl<'de> serde::Deserialize<'de> for $type {
             fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
                 let found = String::deserialize(deserializer)?;
-                Self::ALL.into_iter().find(|one| one.id() == found).ok_or_else(|| {
+                Self::with_id(&found).ok_or_else(|| {
                     let ids = Self::ALL.map(Self::id).join(", ");
                     serde::de::Error::custom(format!("expected {} ({ids}), found `{found}`", $what))
                 })
@@ -31,7 +38,6 @@ macro_rules! held_by_id {
 pub use crate::held_by_id;
 
 /// No figure.
-#[must_use]
 pub fn no_figure() -> f64 {
     f64::NAN
 }

@@ -88,13 +88,11 @@ const HALF_OPEN_PU: f64 = 0.5;
 
 impl Twin {
     /// Builds the twin of a unit, closed loop. Its first frame sets it to the steady state there.
-    #[must_use]
     pub fn new(unit: &Unit) -> Self {
         Self::with_method(unit, Method::default())
     }
 
     /// The same with a chosen integration method.
-    #[must_use]
     pub fn with_method(unit: &Unit, method: Method) -> Self {
         let mut plant = Plant::new(&unit.parameters);
         effects::apply(unit, &mut plant);
@@ -105,7 +103,6 @@ impl Twin {
     }
 
     /// The same of a plant that no unit describes, such as one with terms of its own.
-    #[must_use]
     pub fn of_plant(plant: Plant, nominal_tank_pressure_pa: f64, method: Method) -> Self {
         let tick_s = plant.regulator.small_loop_period_s();
         let solver = Solver::new(method, &plant, tick_s);
@@ -155,19 +152,16 @@ impl Twin {
     }
 
     /// The plant that it simulates.
-    #[must_use]
     pub fn plant(&self) -> &Plant {
         &self.plant
     }
 
     /// Where recorded signals stand in for simulated ones.
-    #[must_use]
     pub fn cut(&self) -> Cut {
         self.setting.cut
     }
 
     /// The continuous state at the last tick.
-    #[must_use]
     pub fn state(&self) -> &State {
         &self.now.state
     }

@@ -28,15 +28,12 @@ pub(crate) const STRIBECK_SPEED_M_S: f64 = 2.0e-3;
 pub const NORMAL_90: f64 = 1.645;
 
 /// Seconds as a whole number of nanoseconds, to the nearest.
-#[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "a float-to-integer cast saturates, which is what a time wants")]
 pub fn nanos_from_seconds(seconds_s: f64) -> i64 {
     (seconds_s * 1e9).round() as i64
 }
 
 /// Nanoseconds as seconds.
-#[must_use]
-#[expect(clippy::cast_precision_loss, reason = "differences of stamps lie far below 2^53 ns, 104 days")]
 pub fn seconds_from_nanos(nanos_ns: i64) -> f64 {
     nanos_ns as f64 * 1e-9
 }

@@ -106,7 +106,6 @@ impl Arguments {
     }
 
     /// The node's full name.
-    #[must_use]
     pub fn full_name(&self) -> String {
         build_node_fqn(&self.namespace, &self.name)
     }
@@ -168,7 +167,6 @@ fn collect(
         }
         return;
     }
-    #[expect(clippy::cast_precision_loss, reason = "parameters of this node are small numbers")]
     let whole = assignment.as_i64().map(|value| ParameterOverride::Number(value as f64));
     let value = assignment
         .as_bool()

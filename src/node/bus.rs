@@ -123,7 +123,6 @@ impl Bus {
     }
 
     /// The node's arguments.
-    #[must_use]
     pub fn arguments(&self) -> &Arguments {
         &self.arguments
     }
@@ -308,7 +307,6 @@ impl Bus {
     }
 
     /// Remappings and `qos_overrides` that nothing of this node is behind, in words; asked once all endpoints are open.
-    #[must_use]
     pub fn idle_arguments(&self) -> BTreeSet<String> {
         Self::idle_arguments_of(&[self])
     }

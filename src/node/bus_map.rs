@@ -110,7 +110,6 @@ pub struct InputNames {
 
 impl InputNames {
     /// With the fields of a map.
-    #[must_use]
     pub fn new(map: Option<&BusMap>) -> Self {
         let field = |input| map.and_then(|map| map.field(input));
         let label = |input: NodeInput| match field(input) {

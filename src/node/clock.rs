@@ -11,7 +11,7 @@ const PATIENCE_NS: i64 = 3 * NANOS_PER_SECOND;
 
 /// What was heard of `/clock`, shared between whoever hears and whoever watches.
 #[derive(Debug)]
-pub struct ClockHeard {
+pub(crate) struct ClockHeard {
     arrived_ns: AtomicI64,
     time_ns: AtomicI64,
 }
@@ -55,7 +55,7 @@ enum Told {
 
 /// The watch.
 #[derive(Debug)]
-pub struct Watch {
+pub(crate) struct Watch {
     since_ns: i64,
     told: Told,
     two_told: bool,

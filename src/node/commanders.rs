@@ -38,7 +38,7 @@ enum Named {
 
 /// Those who may command; nobody else may. Without names there is no list, and everybody may.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct AllowList(Vec<Named>);
+pub(crate) struct AllowList(Vec<Named>);
 
 impl AllowList {
     /// Reads names and ids between commas.
@@ -108,7 +108,7 @@ impl ListedNode {
 }
 
 /// The list, and what the graph of ROS tells of senders.
-pub struct Commanders<'a> {
+pub(crate) struct Commanders<'a> {
     list: AllowList,
     graph: Option<&'a Tap>,
     health: &'a Health,

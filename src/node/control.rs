@@ -83,7 +83,7 @@ pub struct Steps {
 
 /// The clock on which ages are counted: the machine's while the simulation runs, that of the steps while it stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct AgeClock {
+pub(crate) struct AgeClock {
     behind_ns: i64,
     stands_at_ns: Option<i64>,
 }

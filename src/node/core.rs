@@ -114,7 +114,6 @@ pub struct Core {
 impl Core {
     /// A core that waits for the inputs that `policies` require; `tank_pressure_pa` is the default of a pressure whose
     /// policy names none.
-    #[must_use]
     pub fn new(twin: Twin, policies: impl Into<Policies>, tank_pressure_pa: f64) -> Self {
         let mut policies: Policies = policies.into();
         let tank_pressure_pa = *policies.default_tank_pressure_pa.get_or_insert(tank_pressure_pa);
@@ -145,7 +144,6 @@ impl Core {
     }
 
     /// The same for a unit that may be exchanged for another.
-    #[must_use]
     pub fn of_refit(refit: Refit, policies: impl Into<Policies>) -> Self {
         let Refit { twin, strokes_m, tank_pressure_pa, .. } = refit;
         Self { strokes_m, ..Self::new(twin, policies, tank_pressure_pa) }

@@ -14,7 +14,7 @@ use govtwin_model::frame::{Estimate, Signals};
 use govtwin_model::signal::Signal;
 
 /// The publishers of one corrected signal.
-pub struct CorrectedPublishers {
+pub(crate) struct CorrectedPublishers {
     signal: Signal,
     state: Publisher<ServoState>,
     lower: Publisher<ServoState>,

@@ -61,7 +61,7 @@ pub struct DiagnosticArray {
 
 /// How time goes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct TimeKeeping {
+pub(crate) struct TimeKeeping {
     /// Whether the simulation runs.
     pub state: RunState,
     /// Of a `/clock` that is followed: how bad, and what.

@@ -39,13 +39,11 @@ pub enum Distribution {
 
 impl Distribution {
     /// That of this build.
-    #[must_use]
     pub const fn of_build() -> Self {
         if cfg!(feature = "jazzy") { Self::Later } else { Self::Humble }
     }
 
     /// Which they are.
-    #[must_use]
     pub const fn words(self) -> &'static str {
         match self {
             Self::Humble => "ROS 2 Humble",

@@ -11,7 +11,7 @@ const SHOWN_NS: i64 = 2 * NANOS_PER_SECOND;
 
 /// The flags of each input and of the node.
 #[derive(Debug, Default)]
-pub struct Health {
+pub(crate) struct Health {
     inputs: [AtomicU8; NodeInput::COUNT],
     node: AtomicU8,
     ignored_until_ns: AtomicI64,
@@ -19,7 +19,7 @@ pub struct Health {
 
 /// The flags at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct HealthFlags {
+pub(crate) struct HealthFlags {
     /// Of each input.
     pub inputs: [u8; NodeInput::COUNT],
     /// Of the node.

@@ -1,6 +1,6 @@
 //! Checks on what peers send: every number finite and in range, stamps in order, types as agreed.
 
-pub mod competing_publishers;
+pub(crate) mod competing_publishers;
 pub mod joints;
 pub mod mapped;
 pub mod stamps;
@@ -97,13 +97,11 @@ pub struct TopicCounts {
 
 impl TopicCounts {
     /// Samples refused for this reason.
-    #[must_use]
     pub fn refused(&self, refusal: Refusal) -> u64 {
         self.refused[refusal as usize]
     }
 
     /// Samples refused.
-    #[must_use]
     pub fn all_refused(&self) -> u64 {
         self.refused.iter().sum()
     }
@@ -121,7 +119,7 @@ impl TopicCounts {
 
 /// The gate of one topic.
 #[derive(Clone, Debug, Default)]
-pub struct TopicGate {
+pub(crate) struct TopicGate {
     counts: TopicCounts,
     newest_ns: Option<i64>,
 }
@@ -174,7 +172,7 @@ impl TopicGate {
 }
 
 /// A message that the node listens to.
-pub trait Intake {
+pub(crate) trait Intake {
     /// The input that it feeds.
     const INPUT: NodeInput;
 
@@ -242,7 +240,7 @@ const MOST_SENDERS: usize = 256;
 
 /// The numbers that senders give their samples: what is left out between two was lost on the way.
 #[derive(Clone, Debug)]
-pub struct Numbering<Sender>(BTreeMap<Sender, i64>);
+pub(crate) struct Numbering<Sender>(BTreeMap<Sender, i64>);
 
 impl<Sender> Default for Numbering<Sender> {
     fn default() -> Self {

@@ -136,7 +136,6 @@ pub struct Integrator {
 impl Integrator {
     /// A loop at rest, with its rings. `time_ns` is the model's time at the first tick; with a simulated clock
     /// the clock gives it.
-    #[must_use]
     pub fn new(core: Core, pace: LoopPace, time_ns: i64) -> (Self, Ends) {
         let (event_in, events) = RingBuffer::new(EVENTS);
         let (outputs, output_out) = RingBuffer::new(OUTPUTS);
@@ -181,7 +180,6 @@ impl Integrator {
     }
 
     /// Counts so far.
-    #[must_use]
     pub fn stats(&self) -> &Stats {
         &self.stats
     }

@@ -1,6 +1,6 @@
 //! The thread that hears: samples are checked and become events, parameter calls are answered.
 
-pub mod event;
+pub(crate) mod event;
 mod input;
 mod mapped;
 mod order;
@@ -50,7 +50,7 @@ use govtwin_bag::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interfac
 pub(crate) const MEASURED: &str = "plant/servo_state";
 
 /// Everything that the node hears through.
-pub struct Subscriptions {
+pub(crate) struct Subscriptions {
     native: Option<NativeInputs>,
     joint_commands: Input<JointState>,
     measured: Option<Subscription<ServoState>>,
@@ -122,7 +122,7 @@ impl Subscriptions {
 }
 
 /// The loop as the listener reaches it.
-pub struct Loop {
+pub(crate) struct Loop {
     /// Where events go.
     pub events: Producer<TimedEvent>,
     /// Where twins of a changed unit go.
@@ -134,7 +134,7 @@ pub struct Loop {
 }
 
 /// What the listener works with.
-pub struct Listener<'a> {
+pub(crate) struct Listener<'a> {
     /// The bus.
     pub bus: &'a Bus,
     /// The loop.
@@ -168,7 +168,7 @@ pub struct Listener<'a> {
 }
 
 /// What arrives through one endpoint, dealt with as it comes.
-pub type Arrivals<'a> = LocalBoxStream<'a, ()>;
+pub(crate) type Arrivals<'a> = LocalBoxStream<'a, ()>;
 
 /// Hears until told to stop.
 pub(crate) fn hear(arrivals: Vec<Arrivals<'_>>, stop: oneshot::Receiver<()>) {

@@ -5,7 +5,7 @@ mod domain;
 use ros2_client::parameters::{ParameterValue, raw};
 
 use domain::Domain;
-pub use domain::words_of;
+pub(crate) use domain::words_of;
 
 use super::arguments::{ParameterOverride, hint};
 use super::policy::{NodeInput, OnStale};
@@ -46,7 +46,7 @@ struct NodeParameter {
 
 /// All parameters of the node, in the order of their names.
 #[derive(Clone, Debug)]
-pub struct ParameterStore {
+pub(crate) struct ParameterStore {
     entries: Vec<NodeParameter>,
     unit: Unit,
 }

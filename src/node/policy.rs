@@ -30,7 +30,6 @@ impl NodeInput {
     pub const NAMES: [&'static str; Self::COUNT] = ["command", "esv", "tank_pressure", "load"];
 
     /// The topic's name before namespace and remapping.
-    #[must_use]
     pub fn topic(self) -> &'static str {
         match self {
             Self::Command => "governor/command",
@@ -69,7 +68,6 @@ impl OnStale {
     }
 
     /// The choice with this name.
-    #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         [Self::Trip, Self::Hold, Self::Stop, Self::Default].into_iter().find(|choice| choice.name() == name)
     }

@@ -85,7 +85,6 @@ pub struct ProcessRecorder {
 
 impl ProcessRecorder {
     /// Begins to record into `folder`; `name` gives each bag a name that no other has.
-    #[must_use]
     pub fn new(folder: &Path, options: &ReadOptions, name: Box<dyn FnMut() -> String>) -> Self {
         Self {
             folder: folder.to_owned(),
@@ -104,7 +103,6 @@ impl ProcessRecorder {
     }
 
     /// What was heard so far.
-    #[must_use]
     pub fn listening(&self) -> Listening {
         let samples = Stream::ALL.map(|stream| self.newest.counts(stream));
         Listening { samples, ..self.listening }
@@ -116,7 +114,6 @@ impl ProcessRecorder {
     }
 
     /// The bag in the making, where there is one.
-    #[must_use]
     pub fn in_the_making(&self) -> Option<&str> {
         self.open.as_ref().map(|open| open.name.as_str())
     }
@@ -264,7 +261,6 @@ impl Sink for ProcessRecorder {
 }
 
 /// The recordings that wait in a folder, oldest first by their names.
-#[must_use]
 pub fn waiting(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_hidden = |path: &Path| path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
@@ -274,7 +270,6 @@ pub fn waiting(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Makes whole bags of what an earlier run was recording when it ended, so that they wait with the others; says what became of each.
-#[must_use]
 pub fn take_up(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut words = vec![];

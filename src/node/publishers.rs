@@ -27,7 +27,7 @@ const MOST_TRIES: u32 = 100;
 const BETWEEN_TRIES: Duration = Duration::from_micros(200);
 
 /// Everything that the node publishes at the state's rate.
-pub struct Publishers {
+pub(crate) struct Publishers {
     servo_state: Publisher<ServoState>,
     joint_states: Publisher<JointState>,
     status: Publisher<TwinStatus>,
@@ -57,7 +57,7 @@ impl Publishers {
 }
 
 /// The way of one unit's results out.
-pub struct Outlet<'a, 's> {
+pub(crate) struct Outlet<'a, 's> {
     publishers: &'a Publishers,
     outputs: Consumer<TickOutput>,
     answers: Consumer<Answer>,

@@ -20,13 +20,11 @@ pub struct Wishes {
 }
 
 /// Nanoseconds of the clock that never jumps.
-#[must_use]
 pub fn monotonic_ns() -> i64 {
     nanos(clock_gettime(ClockId::Monotonic))
 }
 
 /// Nanoseconds since the epoch, as the system believes.
-#[must_use]
 pub fn wall_ns() -> i64 {
     nanos(clock_gettime(ClockId::Realtime))
 }
@@ -52,13 +50,11 @@ pub struct Until(Option<i64>);
 
 impl Until {
     /// So long from now; never where there is no duration.
-    #[must_use]
     pub fn after(duration: Option<Duration>) -> Self {
         Self(duration.map(|duration| monotonic_ns().saturating_add(whole_ns(duration))))
     }
 
     /// Whether it is past.
-    #[must_use]
     pub fn is_past(self) -> bool {
         self.0.is_some_and(|until_ns| monotonic_ns() >= until_ns)
     }
@@ -82,7 +78,6 @@ pub fn lock_memory() -> io::Result<()> {
 }
 
 /// Asks for what this thread wishes and returns what was granted, a plain sentence for each wish.
-#[must_use]
 pub fn claim(wishes: Wishes) -> Vec<Result<String, String>> {
     let mut said = Vec::new();
     // The kernel may otherwise round a wake-up of an ordinary thread by 50 us.
@@ -144,7 +139,6 @@ pub(crate) fn claim_transport(priority: u8) -> (usize, usize) {
 }
 
 /// Resident memory of this process in bytes; 0 where the system does not say.
-#[must_use]
 pub fn resident_bytes() -> u64 {
     let pages = std::fs::read_to_string("/proc/self/statm")
         .ok()

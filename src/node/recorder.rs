@@ -89,7 +89,6 @@ pub struct Recorded {
 
 impl Recorded {
     /// What to say of topics from which nothing came, one sentence each; `domain` is the DDS domain listened on.
-    #[must_use]
     pub fn silence(&self, domain: u16) -> Vec<String> {
         let foreign = |topic: &String| self.foreign.iter().any(|(heard, _)| heard == topic);
         let silent = self.messages.iter().filter(|(topic, count)| **count == 0 && !foreign(topic));

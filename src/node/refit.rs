@@ -1,10 +1,7 @@
 //! Another unit for a running twin: built by a thread that may take memory, taken over between two ticks by one that may not.
 
 use govtwin_correction::corrector::Corrector;
-use govtwin_model::effects;
 use govtwin_model::parameters::Unit;
-use govtwin_model::plant::Plant;
-use govtwin_model::solver::Method;
 use govtwin_model::twin::Twin;
 
 /// A unit's twin with what the node needs to know of it.
@@ -22,13 +19,9 @@ pub struct Refit {
 
 impl Refit {
     /// The twin of a unit.
-    #[must_use]
     pub fn new(unit: &Unit) -> Self {
-        let parameters = &unit.parameters;
-        let mut plant = Plant::new(parameters);
-        effects::apply(unit, &mut plant);
+        let (parameters, twin) = (&unit.parameters, Twin::new(unit));
         let tank_pressure_pa = parameters.oil.tank_pressure_pa;
-        let twin = Twin::of_plant(plant, tank_pressure_pa, Method::default());
         let strokes_m = [parameters.distributing_valve.reference_stroke_m, parameters.servomotor.stroke_m];
         Self { twin, strokes_m, tank_pressure_pa, corrector: None }
     }

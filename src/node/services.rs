@@ -1,10 +1,10 @@
 //! The six parameter services of a ROS 2 node, for callers on Fast DDS and on Cyclone DDS alike ([`call`] says how).
 
-pub mod call;
-pub mod replies;
-pub mod simulation;
-pub mod steps;
-pub mod upkeep;
+pub(crate) mod call;
+pub(crate) mod replies;
+pub(crate) mod simulation;
+pub(crate) mod steps;
+pub(crate) mod upkeep;
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -36,7 +36,7 @@ const RUST_DDS: [u8; 2] = [0x01, 0x12];
 const MOST_ITEMS: usize = 1000;
 
 /// The six services.
-pub struct ParameterServices {
+pub(crate) struct ParameterServices {
     get: Calls,
     get_types: Calls,
     list: Calls,
@@ -47,7 +47,7 @@ pub struct ParameterServices {
 
 /// What answering a call left to do.
 #[derive(Debug, Default)]
-pub struct Aftermath {
+pub(crate) struct Aftermath {
     /// Parameters that changed.
     pub changed: Vec<raw::Parameter>,
     /// Words for the log.
@@ -59,7 +59,7 @@ pub struct Aftermath {
 }
 
 /// What the answers share.
-pub struct ServiceContext<'a> {
+pub(crate) struct ServiceContext<'a> {
     /// The parameters.
     pub store: RefCell<ParameterStore>,
     /// Whether the loop has room for another twin.

@@ -146,7 +146,6 @@ impl Stats {
     }
 
     /// The report.
-    #[must_use]
     pub fn summary(&self, resident_bytes: u64) -> RunSummary {
         RunSummary {
             ticks: self.ticks,
@@ -168,7 +167,6 @@ impl Stats {
 
 impl RunSummary {
     /// The report in words.
-    #[must_use]
     pub fn text(&self) -> String {
         let mut text = format!(
             "{} ticks, {} overruns, {} skipped, {} results lost, {:.1} MiB resident\n",
@@ -176,7 +174,7 @@ impl RunSummary {
             self.overruns,
             self.skipped,
             self.lost_outputs,
-            megabytes(self.resident_bytes)
+            self.resident_bytes as f64 / 1_048_576.0
         );
         // Writing to a `String` cannot fail.
         let _ = writeln!(text, "{:<22}{:>12}{:>12}{:>12}{:>12}", "us", "p50", "p99", "p99.9", "max");
@@ -218,14 +216,8 @@ fn positive(value_ns: i64) -> u64 {
     u64::try_from(value_ns).unwrap_or(0)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "for people to read")]
 fn micros(value_ns: u64) -> f64 {
     value_ns as f64 * 1e-3
-}
-
-#[expect(clippy::cast_precision_loss, reason = "for people to read")]
-fn megabytes(bytes: u64) -> f64 {
-    bytes as f64 / 1_048_576.0
 }
 
 #[cfg(test)]

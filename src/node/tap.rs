@@ -31,7 +31,7 @@ const LAYOUTS: &[Layout] = &[
 
 /// Gives samples undecoded.
 #[derive(Debug)]
-pub struct Undecoded;
+pub(crate) struct Undecoded;
 
 impl DeserializerAdapter<Vec<u8>> for Undecoded {
     type Error = io::Error;
@@ -53,7 +53,7 @@ impl DefaultDecoder<Vec<u8>> for Undecoded {
 
 /// Puts the four bytes before a sample that name its layout; the last two are options that say nothing.
 #[derive(Clone, Debug)]
-pub struct Encapsulation;
+pub(crate) struct Encapsulation;
 
 impl<'de> Decode<'de, Vec<u8>> for Encapsulation {
     type Error = io::Error;

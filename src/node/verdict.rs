@@ -18,7 +18,6 @@ pub(crate) const TOPIC: &str = "~/verdict";
 const SAMPLES: [&str; 4] = ["command samples", "esv samples", "tank_pressure samples", "servo_state samples"];
 
 /// What the history shows after the process that was entered last; none before the first.
-#[must_use]
 pub fn verdict(unit: &str, entries: &[ProcessEntry], courses: &[Course]) -> Option<UnitVerdict> {
     let newest = entries.last()?;
     let size = |course: &Course| -> Option<FaultSize> {

@@ -31,7 +31,6 @@ pub struct Drawn {
 }
 
 /// The page.
-#[must_use]
 pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Page {
     let made = summary.provenance.clone().unwrap_or_default();
     let subtitle = match summary.limits.as_str() {
@@ -109,7 +108,6 @@ fn value_text(figure: &Figure, measure: Measure) -> (String, String) {
 }
 
 /// The measures of the unit as it is, beside the limits.
-#[must_use]
 pub fn measures_table(summary: &AcceptanceSummary) -> Table {
     // Without limits there is no sentence on them.
     let limited = summary.measures.iter().any(|asked| asked.limit.is_some());
@@ -145,7 +143,6 @@ pub fn measures_table(summary: &AcceptanceSummary) -> Table {
 }
 
 /// What each fault costs: the unit as it is beside the unit without it.
-#[must_use]
 pub fn without_table(summary: &AcceptanceSummary) -> Option<Table> {
     let units: Vec<&Subject> =
         summary.subjects.iter().filter(|subject| subject.name.starts_with("unit without")).collect();

@@ -41,7 +41,6 @@ mod tests;
 ///     Ok(())
 /// }
 /// ```
-#[must_use]
 pub fn page(diagnosis: &Diagnosis, made: &Provenance) -> Page {
     let mut page = Page::new("Why the unit differs from its twin", subtitle(diagnosis, made));
     // Without an effect the twin with effects is the refitted one.

@@ -28,7 +28,6 @@ pub struct Svg {
 
 impl Svg {
     /// The element as text, which is also valid as a file of its own.
-    #[must_use]
     pub fn as_str(&self) -> &str {
         &self.wide
     }
@@ -40,7 +39,6 @@ impl Svg {
 }
 
 /// Draws a picture.
-#[must_use]
 pub fn svg(picture: &Picture) -> Svg {
     Svg { wide: draw(picture), narrow: draw(&picture.narrow()) }
 }
@@ -129,7 +127,6 @@ fn draw(picture: &Picture) -> String {
     }
     if let Some(first) = places.first() {
         for (event, row) in picture.events.iter().zip(rows) {
-            #[expect(clippy::cast_precision_loss, reason = "a handful of rows")]
             let y = first.plot[1] - ROW_PX * (row as f64 + 0.5);
             let (x, width) = (to_px(first, event.x), words_px(&event.label, LABEL_SIZE));
             let beyond = x + width > first.plot[2] + 16.0;
@@ -140,7 +137,6 @@ fn draw(picture: &Picture) -> String {
     canvas.0 + "</svg>\n"
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a handful of lines")]
 fn draw_panel(canvas: &mut Canvas, picture: &Picture, panel: &Panel, place: &PanelPlace) {
     let [left, top, right, bottom] = place.plot;
     for span in &picture.spans {
@@ -300,7 +296,6 @@ fn draw_mark(canvas: &mut Canvas, mark: &Mark, place: &PanelPlace) {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a heat map has few cells")]
 fn draw_cells(
     canvas: &mut Canvas,
     place: &PanelPlace,

@@ -42,7 +42,6 @@ pub struct Context<'a> {
 }
 
 /// The page.
-#[must_use]
 pub fn page(gathered: &Gathered, context: &Context) -> Page {
     let units: BTreeSet<&str> = gathered.rows.iter().map(|row| row.unit.as_str()).collect();
     let mut page = Page::new(

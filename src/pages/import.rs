@@ -49,7 +49,6 @@ pub struct ImportView {
 }
 
 /// The page.
-#[must_use]
 pub fn page(look: &ImportView) -> Page {
     let mut page = Page::new(format!("Proposed import of {}", look.file), format!("{} rows", thousands(look.rows)));
     let body = &mut page.body;

@@ -23,14 +23,13 @@ const GAP_PX: f64 = 12.0;
 pub(crate) const RIGHT_PX: f64 = 20.0;
 
 /// Estimated width of words, px: the average letter of a sans-serif face is about half the library's size wide.
-#[expect(clippy::cast_precision_loss, reason = "labels are short")]
 pub(crate) fn words_px(words: &str, size_px: f64) -> f64 {
     words.chars().count() as f64 * size_px * 0.5
 }
 
 /// One panel's place, px from the picture's top left, and its ranges.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PanelPlace {
+pub(crate) struct PanelPlace {
     /// Left, top, right, bottom of the plot itself.
     pub plot: [f64; 4],
     /// Top of the title row.
@@ -50,7 +49,6 @@ pub struct PanelPlace {
 }
 
 /// The places of all panels, and the picture's height, px.
-#[expect(clippy::cast_precision_loss, reason = "counts of panels and pixels are small")]
 pub(crate) fn places(picture: &Picture, event_rows: usize) -> (Vec<PanelPlace>, f64) {
     let columns = picture.columns.max(1) as usize;
     let width = (f64::from(picture.width_px) - GAP_PX * (columns - 1) as f64) / columns as f64;
@@ -124,7 +122,6 @@ pub(crate) fn label_lines(label: &str, width: f64) -> Vec<String> {
 }
 
 /// Rows that the names below a plot of so many px take so that none runs into its neighbour.
-#[expect(clippy::cast_precision_loss, reason = "a handful of categories")]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
 pub(crate) fn label_rows(axis: &Axis, width: f64) -> usize {
     let longest = axis.categories.iter().map(|name| words_px(name, LABEL_SIZE) + 8.0).fold(0.0, f64::max);
@@ -216,7 +213,6 @@ fn y_range(panel: &Panel, x: [f64; 2]) -> [f64; 2] {
     padded(sound(all), bars)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a handful of categories")]
 fn category_range(axis: &Axis) -> Option<[f64; 2]> {
     (!axis.categories.is_empty()).then(|| [-0.5, axis.categories.len() as f64 - 0.5])
 }
@@ -228,7 +224,6 @@ fn padded([low, high]: [f64; 2], bars: bool) -> [f64; 2] {
 }
 
 /// Least and greatest finite coordinate of a shape along an axis (0 x, 1 y), within a horizontal range.
-#[expect(clippy::cast_precision_loss, reason = "a heat map has few cells")]
 fn span(shape: &MarkShape, axis: usize, x: [f64; 2]) -> [f64; 2] {
     let mut all = [f64::INFINITY, f64::NEG_INFINITY];
     let mut take = |at_x: f64, value: f64| {

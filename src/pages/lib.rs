@@ -19,6 +19,8 @@
 //! assert!(page.to_html().starts_with("<!DOCTYPE html>"));
 //! ```
 
+#![expect(clippy::must_use_candidate, reason = "a getter whose result is dropped does no harm; builders say must_use")]
+
 pub mod acceptance;
 pub mod diagnosis;
 pub mod draw;
@@ -33,3 +35,10 @@ pub mod table;
 mod thin;
 mod ticks;
 pub mod watch;
+
+use govtwin_model::signal::Signal;
+
+/// What the errors of a signal are multiplied by where they are shown, and the unit of that.
+pub(crate) fn scale(signal: Signal) -> (f64, &'static str) {
+    if signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") }
+}

@@ -36,7 +36,6 @@ pub struct KeyFigure {
 
 impl KeyFigure {
     /// A figure without hint.
-    #[must_use]
     pub fn new(name: impl Into<String>, value: impl Into<String>, unit: impl Into<String>) -> Self {
         Self { name: name.into(), value: value.into(), unit: unit.into(), hint: String::new() }
     }
@@ -69,7 +68,6 @@ pub struct PageBody(Vec<Block>);
 
 impl PageBody {
     /// Nothing yet.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -126,7 +124,7 @@ impl PageBody {
     }
 
     /// A table behind a line that opens it.
-    pub fn details_table(&mut self, summary: impl Into<String>, table: Table, caption: impl Into<String>) {
+    pub(crate) fn details_table(&mut self, summary: impl Into<String>, table: Table, caption: impl Into<String>) {
         self.details(summary, Self(vec![Block::Table { table, caption: caption.into() }]));
     }
 
@@ -155,13 +153,11 @@ pub struct Page {
 
 impl Page {
     /// An empty page.
-    #[must_use]
     pub fn new(title: impl Into<String>, subtitle: impl Into<String>) -> Self {
         Self { title: title.into(), subtitle: subtitle.into(), body: PageBody::new() }
     }
 
     /// The page as HTML.
-    #[must_use]
     pub fn to_html(&self) -> String {
         let headings: Vec<&str> = self.body.0.iter().filter_map(heading_of).collect();
         // Answers come first; where there are none, the contents do.

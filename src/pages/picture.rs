@@ -65,7 +65,6 @@ pub struct Mark {
 
 impl Mark {
     /// A mark with the usual width and opacity of its shape.
-    #[must_use]
     pub fn new(shape: MarkShape, ink: Ink, label: impl Into<String>) -> Self {
         let (width_px, opacity) = match shape {
             MarkShape::Band(_) => (0.0, 0.22),
@@ -101,7 +100,6 @@ pub struct Panel {
 
 impl Panel {
     /// An empty panel of the usual height.
-    #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
         Self { title: title.into(), x: Axis::default(), y: Axis::default(), height_px: 150, marks: Vec::new() }
     }
@@ -193,7 +191,6 @@ impl Panel {
     /// Adds the bars of one of `of` series side by side: bar `i` is at category `i`. Of several each has its number, in the legend and above
     /// its bars, so that they are distinct without colours.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
     pub fn bars(self, ink: Ink, label: &str, values: &[f64], series: usize, of: usize) -> Self {
         let slot = 0.8 / of.max(1) as f64;
         let blocks = values.iter().enumerate().map(|(i, &value)| {
@@ -214,7 +211,6 @@ impl Panel {
 
     /// Adds lying bars from zero: bar `i` lies at category `i` of the vertical axis.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
     pub fn lying_bars(self, ink: Ink, label: &str, values: &[f64]) -> Self {
         let blocks = values.iter().enumerate().map(|(i, &value)| [0.0, value, i as f64 - 0.36, i as f64 + 0.36]);
         self.mark(Mark::new(MarkShape::Blocks(blocks.collect()), ink, label))
@@ -222,7 +218,6 @@ impl Panel {
 
     /// Adds a histogram: share of the finite values per bin, the outer bins taking what lies beyond.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "counts of rows lie far below 2^53")]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the bins before the cast")]
     pub fn histogram(self, ink: Ink, label: &str, values: &[f64], [from, to]: [f64; 2], bins: usize) -> Self {
         let width = (to - from) / bins.max(1) as f64;
@@ -287,13 +282,11 @@ pub struct Picture {
 
 impl Picture {
     /// Panels below each other with one horizontal axis: signals over time.
-    #[must_use]
-    pub fn stacked(description: impl Into<String>, panels: Vec<Panel>) -> Self {
+    pub(crate) fn stacked(description: impl Into<String>, panels: Vec<Panel>) -> Self {
         Self { shared_x: true, ..Self::grid(description, 1, panels) }
     }
 
     /// Panels in a grid, each with its own axes.
-    #[must_use]
     pub fn grid(description: impl Into<String>, columns: u32, panels: Vec<Panel>) -> Self {
         Self {
             description: description.into(),

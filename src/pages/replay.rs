@@ -23,7 +23,6 @@ pub use tables::thousands;
 pub use tables::{process_table, reason_for_dashes};
 
 /// The page: `pictures` stand in the order of the summary's recordings, `replayed` too.
-#[must_use]
 pub fn page(summary: &ReplaySummary, replayed: &[&Replayed], pictures: &[Pictures], sensors: &Sensors) -> Page {
     let mode = match summary.cut {
         "none" => "closed loop".to_owned(),

@@ -34,7 +34,6 @@ pub(super) struct TableRow {
 
 impl Table {
     /// A table without columns.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -132,7 +131,6 @@ impl Table {
 
     /// The table in no more columns of characters than a terminal has: cells of words are broken over lines, and where that is not enough
     /// every row becomes a block with a line for each of its cells.
-    #[must_use]
     pub fn to_text_within(&self, width: usize) -> String {
         let text = self.to_text();
         if text.lines().all(|line| length(line) <= width) {
@@ -224,7 +222,6 @@ impl Table {
 }
 
 /// Text in lines of at most so many characters, broken at spaces; a longer word has a line of its own.
-#[must_use]
 pub fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {

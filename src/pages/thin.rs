@@ -10,7 +10,6 @@ pub(crate) fn runs(points: &[[f64; 2]]) -> impl Iterator<Item = &[[f64; 2]]> {
 /// The extremes of every column survive, so no spike is ever hidden, and the drawn line covers the
 /// same pixels as the whole one would. x must not fall. Points outside the range are left out but
 /// for the nearest on each side, which the line needs to reach the edge.
-#[expect(clippy::cast_precision_loss, reason = "a few thousand columns at most")]
 pub(crate) fn thin(run: &[[f64; 2]], [from, to]: [f64; 2], bins: usize) -> Vec<[f64; 2]> {
     let start = run.partition_point(|point| point[0] < from).saturating_sub(1);
     let end = (run.partition_point(|point| point[0] <= to) + 1).min(run.len());

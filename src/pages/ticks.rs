@@ -4,7 +4,6 @@ use super::picture::Axis;
 use govtwin_model::number::{fixed, significant};
 
 /// Values and labels of an axis, about one in `apart` px.
-#[expect(clippy::cast_precision_loss, reason = "a handful of categories")]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
 pub(crate) fn ticks(axis: &Axis, [from, to]: [f64; 2], length_px: f64, apart: f64) -> Vec<(f64, String)> {
     if !axis.categories.is_empty() {
@@ -25,7 +24,7 @@ pub(crate) fn ticks(axis: &Axis, [from, to]: [f64; 2], length_px: f64, apart: f6
 }
 
 /// The multiples in a range of the least of 1, 2 and 5 times powers of ten that has no more than so many there.
-#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "counts of labels")]
+#[expect(clippy::cast_possible_truncation, reason = "counts of labels")]
 fn round_values(from: f64, to: f64, most: usize) -> Vec<f64> {
     let inside = |step: f64| (from / step - 1e-9).ceil() as i64..=(to / step + 1e-9).floor() as i64;
     let largest = (to - from).log10().floor() as i32 + 1;

@@ -37,7 +37,6 @@ pub struct Watched<'a> {
 }
 
 /// The page.
-#[must_use]
 pub fn page(watched: &Watched) -> Page {
     let Watched { unit, entries, courses, between_false_alarms, times } = *watched;
     let mut page = Page::new(format!("Watched unit: {unit}"), format!("{} processes", entries.len()));
@@ -168,10 +167,7 @@ fn latest(course: &Course) -> Option<KeyFigure> {
 
 /// A kind of process as people call it.
 fn process_words(id: &str) -> String {
-    Process::ALL
-        .into_iter()
-        .find(|kind| kind.id() == id)
-        .map_or_else(|| id.replace('_', " "), |kind| kind.title().to_owned())
+    Process::with_id(id).map_or_else(|| id.replace('_', " "), |kind| kind.title().to_owned())
 }
 
 /// A time as people write it.

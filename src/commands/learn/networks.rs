@@ -82,7 +82,6 @@ fn now() -> Instant {
 }
 
 /// Mean absolute error over the validation rows of all folds.
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 fn loss(kind: NetworkKind, table: &FeatureTable, folds: &[RowSplit], point: &[f64], seed: u64) -> anyhow::Result<f64> {
     let of = |fold: &RowSplit| -> anyhow::Result<(f64, usize)> {
         let said = residuals(kind, table, fold, EVERY, point, seed)?;

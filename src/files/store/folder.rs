@@ -14,7 +14,7 @@ const DEEPEST: usize = 16;
 
 /// A folder.
 #[derive(Debug)]
-pub struct Folder {
+pub(crate) struct Folder {
     top: PathBuf,
     /// What killed writers left beside the first result is removed; a list for each would cost more than the results.
     first: Once,
@@ -22,17 +22,17 @@ pub struct Folder {
 
 impl Folder {
     /// A folder that need not be there yet.
-    pub fn new(top: PathBuf) -> Self {
+    pub(crate) fn new(top: PathBuf) -> Self {
         Self { top, first: Once::new() }
     }
 
     /// Its full path where it is there.
-    pub fn address(&self) -> String {
+    pub(crate) fn address(&self) -> String {
         self.top.canonicalize().unwrap_or_else(|_| self.top.clone()).display().to_string()
     }
 
     /// Where an object is.
-    pub fn path(&self, path: &str) -> PathBuf {
+    pub(crate) fn path(&self, path: &str) -> PathBuf {
         if path.is_empty() { self.top.clone() } else { self.top.join(path) }
     }
 
@@ -50,7 +50,7 @@ impl Folder {
         move |error| StoreError::Refused { object, what: "write", reason: error.to_string() }
     }
 
-    pub fn list(&self, prefix: &str) -> Result<Vec<Object>, StoreError> {
+    pub(crate) fn list(&self, prefix: &str) -> Result<Vec<Object>, StoreError> {
         let mut all = Vec::new();
         let top = self.path(prefix);
         if look_at(&top).map_err(self.refused(prefix, WHAT))?.is_some_and(|kind| !kind.is_dir()) {
@@ -94,16 +94,16 @@ impl Folder {
         Ok(())
     }
 
-    pub fn has(&self, path: &str) -> Result<bool, StoreError> {
+    pub(crate) fn has(&self, path: &str) -> Result<bool, StoreError> {
         self.path(path).try_exists().map_err(self.refused(path, "look"))
     }
 
-    pub fn get(&self, path: &str) -> Result<Vec<u8>, StoreError> {
+    pub(crate) fn get(&self, path: &str) -> Result<Vec<u8>, StoreError> {
         let file = self.path(path);
         check_regular(&file).and_then(|_| std::fs::read(&file)).map_err(self.refused(path, "read"))
     }
 
-    pub fn part(&self, path: &str, at: u64, len: u64) -> Result<(Vec<u8>, u64), StoreError> {
+    pub(crate) fn part(&self, path: &str, at: u64, len: u64) -> Result<(Vec<u8>, u64), StoreError> {
         let file = self.path(path);
         let read = || -> io::Result<_> {
             let whole = check_regular(&file)?.len();
@@ -116,22 +116,22 @@ impl Folder {
         read().map_err(self.refused(path, "read"))
     }
 
-    pub fn fetch(&self, path: &str, to: &Path) -> Result<(), StoreError> {
+    pub(crate) fn fetch(&self, path: &str, to: &Path) -> Result<(), StoreError> {
         let file = self.path(path);
         check_regular(&file).and_then(|_| std::fs::copy(&file, to)).map(drop).map_err(self.refused(path, "copy"))
     }
 
-    pub fn put(&self, path: &str, bytes: &[u8]) -> Result<(), StoreError> {
+    pub(crate) fn put(&self, path: &str, bytes: &[u8]) -> Result<(), StoreError> {
         write_atomically(&self.path(path), bytes).map_err(self.unwritten(path))
     }
 
-    pub fn create(&self, path: &str, bytes: &[u8]) -> Result<bool, StoreError> {
+    pub(crate) fn create(&self, path: &str, bytes: &[u8]) -> Result<bool, StoreError> {
         let path_there = self.path(path);
         self.first.call_once(|| remove_abandoned(path_there.parent().unwrap_or(&self.top)));
         write_new(&path_there, bytes).map_err(self.unwritten(path))
     }
 
-    pub fn remove(&self, path: &str) -> Result<(), StoreError> {
+    pub(crate) fn remove(&self, path: &str) -> Result<(), StoreError> {
         match std::fs::remove_file(self.path(path)) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
             other => other.map_err(self.refused(path, "remove")),
@@ -140,7 +140,7 @@ impl Folder {
 }
 
 /// Removes what killed writers left under temporary names in the folders below one, once it is old: workers may be at work there. Links are not followed.
-pub fn tidy_below(folder: &Path, deepest: usize) {
+pub(crate) fn tidy_below(folder: &Path, deepest: usize) {
     let Some(deepest) = deepest.checked_sub(1) else { return };
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         if entry.file_type().is_ok_and(|kind| kind.is_dir()) {

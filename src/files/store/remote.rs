@@ -23,7 +23,7 @@ const THREADS: usize = 2;
 
 /// A bucket or container, below a prefix.
 #[derive(Debug)]
-pub struct Remote {
+pub(crate) struct Remote {
     address: String,
     prefix: String,
     store: Arc<dyn ObjectStore>,

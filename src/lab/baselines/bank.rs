@@ -9,8 +9,7 @@ use govtwin_diagnosis::estimation::coordinate::square;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 
 /// The rule.
-#[must_use]
-pub fn judge(ground: &Ground) -> DiagnosisReport {
+pub(crate) fn judge(ground: &Ground) -> DiagnosisReport {
     let nominal = square(&ground.fit.residuals);
     let best = ground.best_tries();
     let least = best.iter().map(|one| square(&one.residuals)).fold(nominal, f64::min);

@@ -10,8 +10,7 @@ use govtwin_diagnosis::result::schema::DiagnosisReport;
 const SIGNIFICANT: f64 = 3.0;
 
 /// The rule.
-#[must_use]
-pub fn judge(ground: &Ground) -> DiagnosisReport {
+pub(crate) fn judge(ground: &Ground) -> DiagnosisReport {
     let tries = ground.best_tries();
     let (gram, product) = ground.projected(&tries);
     let variance = ground.variance();

@@ -48,7 +48,6 @@ pub struct Try {
 
 impl Ground {
     /// Refits the nominal model as the diagnosis does, which places trips between slow samples, and tries every effect of a catalogue.
-    #[must_use]
     pub fn new(recordings: Vec<Recording>, unit: &Unit, catalogue: &[&'static EffectSpec]) -> Self {
         let turned = Turned { free_parameters: FreeParameter::nuisances(unit), starts: 1 };
         let recordings = recordings.into_iter().map(PreparedRecording::new).collect();
@@ -89,19 +88,16 @@ impl Ground {
     }
 
     /// Number of values compared.
-    #[must_use]
     pub fn count(&self) -> f64 {
         self.fit.residuals.iter().map(DVector::len).sum::<usize>() as f64
     }
 
     /// Variance of the refit's residuals, 1 where the noise model is right.
-    #[must_use]
     pub fn variance(&self) -> f64 {
         (square(&self.fit.residuals) / self.count()).max(1e-9)
     }
 
     /// For each effect the try whose residuals are smallest.
-    #[must_use]
     pub(crate) fn best_tries(&self) -> Vec<&Try> {
         let mut best: Vec<&Try> = Vec::new();
         for one in &self.tries {
@@ -119,7 +115,6 @@ impl Ground {
 
     /// Change of the residuals for one typical size of each effect's best try, after what the tolerances can explain is taken out:
     /// Gram matrix of the effects, and their products with the residuals.
-    #[must_use]
     pub fn projected(&self, tries: &[&Try]) -> (DMatrix<f64>, DVector<f64>) {
         let (n, m) = (self.free_parameters.len(), tries.len());
         let mut gram = DMatrix::zeros(n + m, n + m);

@@ -12,8 +12,7 @@ use govtwin_diagnosis::result::schema::DiagnosisReport;
 const ROUNDS: usize = 3;
 
 /// The rule.
-#[must_use]
-pub fn judge(ground: &Ground) -> DiagnosisReport {
+pub(crate) fn judge(ground: &Ground) -> DiagnosisReport {
     let n = ground.count();
     let criterion = |cost: f64, extra: usize| n * (cost / n).ln() + extra as f64 * n.ln();
     let nominal = criterion(ground.fit.cost(), 0);

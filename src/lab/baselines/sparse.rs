@@ -13,8 +13,7 @@ use govtwin_diagnosis::result::schema::DiagnosisReport;
 const MOST: usize = 3;
 
 /// The rule.
-#[must_use]
-pub fn judge(ground: &Ground) -> DiagnosisReport {
+pub(crate) fn judge(ground: &Ground) -> DiagnosisReport {
     let tries = ground.best_tries();
     let (gram, product) = ground.projected(&tries);
     let (variance, price) = (ground.variance(), ground.count().ln());

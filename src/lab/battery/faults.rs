@@ -4,7 +4,7 @@ use govtwin_model::effects::{Scaling, Stage, find};
 
 /// How much of each effect is in a plant; all zero in a fault-free one. Sizes are deviations from neutral.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Faults {
+pub(crate) struct Faults {
     pub(super) command_delay_s: f64,
     pub(super) command_gain: f64,
     pub(super) cycle_extra_s: f64,
@@ -52,7 +52,7 @@ pub struct Faults {
 
 /// Something that no catalogue lists.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stranger {
+pub(crate) struct Stranger {
     /// Its id in labels.
     pub id: &'static str,
     /// Where it sits.
@@ -68,7 +68,7 @@ pub struct Stranger {
 }
 
 /// All strangers.
-pub const STRANGERS: &[Stranger] = &[
+pub(crate) const STRANGERS: &[Stranger] = &[
     Stranger {
         id: "lvdt_cubic",
         stage: Stage::Sensor,
@@ -137,7 +137,7 @@ pub const STRANGERS: &[Stranger] = &[
 
 impl Faults {
     /// Adds an effect or a stranger of a size as labels give it; false where nothing is called so.
-    pub fn add(&mut self, id: &str, size: f64) -> bool {
+    pub(crate) fn add(&mut self, id: &str, size: f64) -> bool {
         let place = match id {
             "command_delay" => &mut self.command_delay_s,
             "command_gain" => &mut self.command_gain,

@@ -11,7 +11,7 @@ const TRANSITION_PA: f64 = 1.0e4;
 ///
 /// `d' = v − |v| d σ/g(v)`, `F = σ d + c d'`, `g = F_c (1 + (r − 1) e^(−(v/v_s)²))`, `σ = F_c/d_0`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bristles {
+pub(crate) struct Bristles {
     /// Coulomb friction `F_c`, N.
     pub coulomb_n: f64,
     /// Friction at rest over Coulomb friction `r`.
@@ -27,8 +27,7 @@ pub struct Bristles {
 impl Bristles {
     /// Rate of the bristles' bend at a speed, m/s, and the friction against it, N.
     #[inline]
-    #[must_use]
-    pub fn rate_and_force(&self, velocity_m_s: f64, bend_m: f64) -> (f64, f64) {
+    pub(crate) fn rate_and_force(&self, velocity_m_s: f64, bend_m: f64) -> (f64, f64) {
         if self.coulomb_n == 0.0 {
             return (0.0, 0.0);
         }
@@ -43,16 +42,14 @@ impl Bristles {
 
 /// What a rounded edge passes at a distance beyond it: a hyperbola of the given radius, in the unit of the arguments.
 #[inline]
-#[must_use]
-pub fn edge(beyond: f64, radius: f64) -> f64 {
+pub(crate) fn edge(beyond: f64, radius: f64) -> f64 {
     0.5 * (beyond + (beyond * beyond + radius * radius).sqrt())
 }
 
 /// What an eroded edge passes at a distance beyond it, m: before it inverse to the distance (Eryilmaz & Wilson 2000), and ever less more than a
 /// sharp one beyond it. Value and slope are continuous; at the edge it passes as much as a sharp one at `reach_m`.
 #[inline]
-#[must_use]
-pub fn eroded(beyond_m: f64, reach_m: f64) -> f64 {
+pub(crate) fn eroded(beyond_m: f64, reach_m: f64) -> f64 {
     if beyond_m <= 0.0 {
         return reach_m * reach_m / (reach_m - beyond_m).max(f64::MIN_POSITIVE);
     }
@@ -62,8 +59,7 @@ pub fn eroded(beyond_m: f64, reach_m: f64) -> f64 {
 
 /// Pressure that a clogged return filter holds back, Pa: part laminar, and less where its bypass begins to open.
 #[inline]
-#[must_use]
-pub fn held_back_pa(quadratic: f64, flow_m3_s: f64) -> f64 {
+pub(crate) fn held_back_pa(quadratic: f64, flow_m3_s: f64) -> f64 {
     let filter_pa = quadratic * (0.85 * flow_m3_s.abs() + 0.15 * 0.02) * flow_m3_s;
     let bypass = filter_pa / 8e6;
     filter_pa / (1.0 + bypass * bypass).sqrt()
@@ -71,15 +67,13 @@ pub fn held_back_pa(quadratic: f64, flow_m3_s: f64) -> f64 {
 
 /// What an analogue link with a wrong span makes of a value, pu: its error grows faster than the value.
 #[inline]
-#[must_use]
-pub fn spanned(value_pu: f64, excess: f64) -> f64 {
+pub(crate) fn spanned(value_pu: f64, excess: f64) -> f64 {
     value_pu * (1.0 + excess * (0.92 + 0.15 * value_pu))
 }
 
 /// What an amplifier makes of a current that comes near its limit, pu: round corners, unequal sides, and a limit that sinks while it warms.
 #[inline]
-#[must_use]
-pub fn sagging(current_pu: f64, limit_pu: f64, time_s: f64) -> f64 {
+pub(crate) fn sagging(current_pu: f64, limit_pu: f64, time_s: f64) -> f64 {
     let side = if current_pu >= 0.0 { 1.03 } else { 0.97 };
     let warming = 1.0 + 0.05 * (-time_s.max(0.0) / 15.0).exp();
     let ratio = current_pu / (side * warming * limit_pu.max(1e-3));
@@ -88,15 +82,13 @@ pub fn sagging(current_pu: f64, limit_pu: f64, time_s: f64) -> f64 {
 
 /// Root of a pressure drop through a rounded orifice, √Pa: laminar below `TRANSITION_PA`, turbulent above, smooth between.
 #[inline]
-#[must_use]
-pub fn jet(drop_pa: f64) -> f64 {
+pub(crate) fn jet(drop_pa: f64) -> f64 {
     drop_pa / (drop_pa * drop_pa + TRANSITION_PA * TRANSITION_PA).sqrt().sqrt()
 }
 
 /// Flow through an orifice of conductance c, m³/(s √Pa), behind a filter that loses `quadratic Q² + linear Q`.
 #[inline]
-#[must_use]
-pub fn filtered(conductance: f64, drop_pa: f64, quadratic: f64, linear: f64) -> f64 {
+pub(crate) fn filtered(conductance: f64, drop_pa: f64, quadratic: f64, linear: f64) -> f64 {
     if conductance <= 1e-15 {
         return 0.0;
     }
@@ -110,15 +102,13 @@ pub fn filtered(conductance: f64, drop_pa: f64, quadratic: f64, linear: f64) -> 
 
 /// Leakage through a gap that is half laminar, half an orifice, over its laminar coefficient, Pa; both agree at `match_pa`.
 #[inline]
-#[must_use]
-pub fn gap(drop_pa: f64, match_pa: f64) -> f64 {
+pub(crate) fn gap(drop_pa: f64, match_pa: f64) -> f64 {
     0.5 * drop_pa + 0.5 * match_pa.sqrt() * jet(drop_pa)
 }
 
 /// What free air adds to the compressibility of oil, 1/Pa: `α P_0^(1/n)/(n P^(1 + 1/n))`, polytropic.
 #[inline]
-#[must_use]
-pub fn gas_compressibility_1_pa(share: f64, pressure_pa: f64) -> f64 {
+pub(crate) fn gas_compressibility_1_pa(share: f64, pressure_pa: f64) -> f64 {
     if share == 0.0 {
         return 0.0;
     }
@@ -128,8 +118,7 @@ pub fn gas_compressibility_1_pa(share: f64, pressure_pa: f64) -> f64 {
 
 /// Force of an elastic, damped stop, N; it pushes and never pulls.
 #[inline]
-#[must_use]
-pub fn stop(at_m: f64, speed_m_s: f64, low_m: f64, high_m: f64, stiffness_n_m: f64, mass_kg: f64) -> f64 {
+pub(crate) fn stop(at_m: f64, speed_m_s: f64, low_m: f64, high_m: f64, stiffness_n_m: f64, mass_kg: f64) -> f64 {
     let into_m = at_m - at_m.clamp(low_m, high_m);
     if into_m == 0.0 {
         return 0.0;
@@ -144,7 +133,7 @@ const PLAY_SHARES: [f64; 4] = [0.4, 0.8, 1.2, 1.6];
 /// A rounded hysteresis loop: Prandtl and Ishlinskii's sum of plays (Visintin 1994, *Differential Models of Hysteresis*, chapter III).
 ///
 /// Unlike Bouc and Wen's it does not creep under dither. `plays` is its memory; all in the unit of the input.
-pub fn rounded_loop(input: f64, plays: &mut [f64; PLAY_SHARES.len()], width: f64) -> f64 {
+pub(crate) fn rounded_loop(input: f64, plays: &mut [f64; PLAY_SHARES.len()], width: f64) -> f64 {
     for (play, share) in plays.iter_mut().zip(PLAY_SHARES) {
         let half = 0.5 * share * width;
         *play = play.clamp(input - half, input + half);

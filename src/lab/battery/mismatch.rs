@@ -7,7 +7,7 @@ use govtwin_model::parameters::Parameters;
 
 /// Small deviations from the nominal model's structure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mismatch {
+pub(crate) struct Mismatch {
     /// Overlap of each of the four edges over the sheet's.
     pub(super) overlap_shares: [f64; 4],
     pub(super) edge_radius_m: f64,
@@ -37,7 +37,7 @@ impl Mismatch {
     ///
     /// One seed draws the same deviations at every level. The travel of the ESV stays as usual: a longer one is `esv_slow`.
     #[must_use]
-    pub fn draw(p: &Parameters, size: &UnitSize, level: f64, draw: &mut Draw) -> Self {
+    pub(crate) fn draw(p: &Parameters, size: &UnitSize, level: f64, draw: &mut Draw) -> Self {
         // Lines of the same length in time: what they hold back goes with pressure over flow, what they hold with the inverse.
         let line_inertance = level * draw.between(5e4, 1.2e5) / Scaling::MainLeak.factor(size);
         let node_volume_m3 = draw.between(0.04, 0.08) * Scaling::MainLeak.factor(size);
@@ -67,8 +67,7 @@ impl Mismatch {
     }
 
     /// Friction of the spool with so much of a fault.
-    #[must_use]
-    pub fn spool_friction(&self, fault_n: f64) -> Bristles {
+    pub(crate) fn spool_friction(&self, fault_n: f64) -> Bristles {
         Bristles {
             coulomb_n: self.spool_friction_n + fault_n,
             static_ratio: 1.3,
@@ -79,8 +78,7 @@ impl Mismatch {
     }
 
     /// Friction of the servomotor with so much of a fault.
-    #[must_use]
-    pub fn piston_friction(&self, coulomb_n: f64, fault_n: f64) -> Bristles {
+    pub(crate) fn piston_friction(&self, coulomb_n: f64, fault_n: f64) -> Bristles {
         Bristles {
             coulomb_n: coulomb_n + fault_n,
             static_ratio: if fault_n > 0.0 { 1.4 } else { 1.05 },
@@ -91,8 +89,7 @@ impl Mismatch {
     }
 
     /// Pressure that a return line of this loss holds back at a flow.
-    #[must_use]
-    pub fn held_back_pa(&self, loss_pa_s2_m6: f64, flow_m3_s: f64) -> f64 {
+    pub(crate) fn held_back_pa(&self, loss_pa_s2_m6: f64, flow_m3_s: f64) -> f64 {
         let UnitSize { flow_ratio, pressure_ratio, .. } = self.size;
         held_back_pa(loss_pa_s2_m6 * flow_ratio * flow_ratio / pressure_ratio, flow_m3_s / flow_ratio) * pressure_ratio
     }

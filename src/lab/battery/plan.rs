@@ -68,7 +68,6 @@ const PATTERN: [Slot; 24] = [
 ///
 /// Each part goes through all effects before one comes again. Each unit has one of the structural mismatches, drawn; what no catalogue lists has no
 /// equation in the twin: where the plant is the twin itself a listed effect that the catalogue will lack stands in its place.
-#[must_use]
 pub fn plan(count: usize, seed: u64, rates: &BatteryRates, mismatches: &[f64]) -> Vec<Case> {
     let mut draw = Draw::new(seed, Question::Plan, 0);
     // Triples have a stream of their own, so that they leave the other kinds as they were.

@@ -48,7 +48,7 @@ const RETURN: usize = 20;
 
 /// What acts on the rig during a tick.
 #[derive(Clone, Copy, Debug)]
-pub struct Hand {
+pub(crate) struct Hand {
     /// Time since the start of the recording, s.
     pub time_s: f64,
     /// Current to the pilot valve, pu.
@@ -63,7 +63,7 @@ pub struct Hand {
 
 /// The rig: parameters, faults, and what is odd about it.
 #[derive(Clone, Debug)]
-pub struct Rig {
+pub(crate) struct Rig {
     p: Parameters,
     faults: Faults,
     odd: Mismatch,
@@ -78,8 +78,7 @@ pub struct Rig {
 
 impl Rig {
     /// A rig at rest at an opening.
-    #[must_use]
-    pub fn new(p: &Parameters, faults: &Faults, odd: &Mismatch, opening_pu: f64) -> Self {
+    pub(crate) fn new(p: &Parameters, faults: &Faults, odd: &Mismatch, opening_pu: f64) -> Self {
         let (dv, servo) = (&p.distributing_valve, &p.servomotor);
         let supply_pa = p.oil.tank_pressure_pa;
         let mut y = [0.0; STATES];
@@ -106,7 +105,7 @@ impl Rig {
     }
 
     /// Advances by a millisecond.
-    pub fn tick(&mut self, hand: &Hand) {
+    pub(crate) fn tick(&mut self, hand: &Hand) {
         self.tick_in(hand, STEPS);
     }
 
@@ -131,38 +130,32 @@ impl Rig {
     }
 
     /// The spool transducer, pu.
-    #[must_use]
-    pub fn spool_reading_pu(&self) -> f64 {
+    pub(crate) fn spool_reading_pu(&self) -> f64 {
         self.y[LVDT]
     }
 
     /// The servomotor transducer, pu.
-    #[must_use]
-    pub fn servomotor_reading_pu(&self) -> f64 {
+    pub(crate) fn servomotor_reading_pu(&self) -> f64 {
         self.y[READING_2]
     }
 
     /// Pilot-valve position, pu.
-    #[must_use]
-    pub fn pilot_position_pu(&self) -> f64 {
+    pub(crate) fn pilot_position_pu(&self) -> f64 {
         self.y[PILOT]
     }
 
     /// Control pressure, Pa.
-    #[must_use]
-    pub fn control_pressure_pa(&self) -> f64 {
+    pub(crate) fn control_pressure_pa(&self) -> f64 {
         self.y[CONTROL]
     }
 
     /// Piston position, pu.
-    #[must_use]
-    pub fn opening_pu(&self) -> f64 {
+    pub(crate) fn opening_pu(&self) -> f64 {
         self.y[PISTON] / self.p.servomotor.stroke_m
     }
 
     /// Piston speed, m/s.
-    #[must_use]
-    pub fn piston_m_s(&self) -> f64 {
+    pub(crate) fn piston_m_s(&self) -> f64 {
         self.y[PISTON_SPEED]
     }
 

@@ -55,7 +55,6 @@ const LARGER: (f64, f64) = (1.0, 3.0);
 const WANDERS: (f64, f64) = (1.0, 10.0);
 
 /// The first `count` stages of a seed's battery, all diagnosed with a data sheet or all without.
-#[must_use]
 pub fn plan(count: usize, seed: u64, with_sheet: bool) -> Vec<Case> {
     let mut draw = Draw::new(seed, Question::Plan, 2);
     let known: Vec<&str> = EFFECTS.iter().chain(WITH_SHEET.iter().filter(|_| with_sheet)).copied().collect();
@@ -102,13 +101,11 @@ pub fn plan(count: usize, seed: u64, with_sheet: bool) -> Vec<Case> {
 }
 
 /// What is in a stage.
-#[must_use]
 pub(super) fn label(unit: &Unit, case: &Case) -> Label {
     unmeasured(case, StageRig::new(unit, case).effects)
 }
 
 /// Its only recording.
-#[must_use]
 pub(super) fn record(unit: &Unit, case: &Case) -> GeneratedStreams {
     StageRig::new(unit, case).record()
 }

@@ -31,7 +31,7 @@ const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 
 /// One plant, ready to go through its processes.
 #[derive(Clone, Debug)]
-pub struct TestRig {
+pub(crate) struct TestRig {
     /// Parameters as they truly are.
     pub parameters: Parameters,
     /// Transducers.
@@ -71,8 +71,7 @@ struct RigRun {
 
 impl TestRig {
     /// Records a process.
-    #[must_use]
-    pub fn record(&self, process: Process) -> (GeneratedStreams, Vec<Inputs>) {
+    pub(crate) fn record(&self, process: Process) -> (GeneratedStreams, Vec<Inputs>) {
         let random = RandomStreams { seed: self.seed, process };
         let script = self.script(process);
         let governor = Governor::new(script, random.of(Purpose::Command));
@@ -83,16 +82,14 @@ impl TestRig {
     }
 
     /// Records what the plant does under a test, brought to its first opening before.
-    #[must_use]
-    pub fn answer(&self, test: &TestScript) -> GeneratedStreams {
+    pub(crate) fn answer(&self, test: &TestScript) -> GeneratedStreams {
         let tank_pressure_pa = self.parameters.oil.tank_pressure_pa;
         let inputs: Vec<Inputs> = test.frames(tank_pressure_pa).iter().map(|frame| frame.inputs).collect();
         self.run(Process::LoadIncrease, RigInputs::Given(&inputs), test.start_pu, &self.sensors).streams
     }
 
     /// What the transducers would show without noise under given inputs, every 10 ms.
-    #[must_use]
-    pub fn readings(&self, process: Process, inputs: &[Inputs]) -> Vec<Signals> {
+    pub(crate) fn readings(&self, process: Process, inputs: &[Inputs]) -> Vec<Signals> {
         let start_pu = self.script(process).initial_opening_pu;
         self.run(process, RigInputs::Given(inputs), start_pu, &Sensors::default()).readings
     }

@@ -20,7 +20,6 @@ pub type Sized<'a> = (&'a str, Vec<f64>);
 /// tolerances could do instead, and what the effects could that the answer names, at the sizes that it gives them (projection: the gain in
 /// likelihood that a perfect observer with the same equations could expect). Below
 /// [`SEEN`](crate::benchmark::scored::SEEN) these recordings could not have shown it.
-#[must_use]
 pub fn expected_log_bayes_factor(
     recordings: Vec<Recording>,
     refitted: &Unit,

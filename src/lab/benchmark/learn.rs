@@ -45,7 +45,6 @@ enum TrueAnswer {
 }
 
 /// The examples that a unit makes: as it is, and a single effect struck from it.
-#[must_use]
 pub fn examples(label: &Label, table: &EvidenceTable) -> Vec<Example> {
     let as_is = |truth| Example { table: table.clone(), truth, struck: Vec::new(), weight: 1.0 };
     if !label.listed {
@@ -90,7 +89,6 @@ impl Example {
 }
 
 /// Mean log score of examples as they are, none struck, natural logarithms; what was not fitted counts as excluded.
-#[must_use]
 pub fn log_score(examples: &[Example], numbers: &Hyperparameters) -> f64 {
     let as_they_are: Vec<f64> = examples
         .iter()
@@ -137,7 +135,6 @@ fn fit(examples: &[Example]) -> Hyperparameters {
 }
 /// Spread of the relative error of sizes where a single effect was named rightly, one standard deviation: a tenth of them lie outside `NORMAL_90` of
 /// it. None where none was.
-#[must_use]
 pub fn size_spread(units: &[(&Label, &DiagnosisReport)]) -> Option<f64> {
     let mut errors: Vec<f64> = units
         .iter()
@@ -187,7 +184,6 @@ pub struct LearningResult {
 }
 
 /// Learns from all parts, and judges each by the others.
-#[must_use]
 pub fn learn(parts: &[Vec<Example>]) -> LearningResult {
     let all: Vec<Example> = parts.iter().flatten().cloned().collect();
     let (mut held_out, mut right, mut count) = (0.0, 0.0, 0.0_f64);

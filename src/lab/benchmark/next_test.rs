@@ -7,7 +7,6 @@ use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::{Experiment, Verdict};
 
 /// The test that a report proposes first, of those that can be sent to a governor.
-#[must_use]
 pub fn proposed(report: &DiagnosisReport) -> Option<&Experiment> {
     report.experiments.iter().find(|one| one.script.is_some())
 }
@@ -35,7 +34,6 @@ pub struct NextTestScore {
 
 impl NextTestScore {
     /// Of units as judged before and after.
-    #[must_use]
     pub fn new(tested: &[(ScoredUnit, ScoredUnit)]) -> Self {
         let count = |holds: &dyn Fn(&ScoredUnit, &ScoredUnit) -> bool| {
             tested.iter().filter(|(before, after)| holds(before, after)).count()
@@ -59,7 +57,6 @@ impl NextTestScore {
     }
 
     /// In words; none where nothing was tested.
-    #[must_use]
     pub fn in_words(&self) -> Option<String> {
         let Self { units, stayed_right, became_right, became_wrong, open, settled, promised_bits, gained_bits } = self;
         (*units > 0).then(|| {

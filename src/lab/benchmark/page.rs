@@ -28,7 +28,6 @@ pub struct MethodScore {
 
 /// The page; `cases` are those of the first method, `parts` the scores of some of them, such as those of one rate, `tests` what next tests brought, `origin` what is known of
 /// where the units come from.
-#[must_use]
 pub fn page(
     methods: &[MethodScore],
     cases: &[ScoredUnit],
@@ -154,7 +153,6 @@ fn methods_table(methods: &[MethodScore]) -> Table {
 }
 
 /// The table of measures: targets, the diagnosis, the baselines; what misses lie with where there are any.
-#[must_use]
 pub fn measures_table(methods: &[MethodScore]) -> Table {
     let mut table = Table::new().words("measure").words("target");
     let any_missed = methods.iter().take(1).flat_map(|first| &first.score.measures).any(|one| one.misses.is_some());
@@ -279,7 +277,6 @@ fn reliability_picture(methods: &[MethodScore]) -> Picture {
 }
 
 /// Case by case: truth and verdict.
-#[must_use]
 pub fn cases_table(cases: &[ScoredUnit]) -> Table {
     let table =
         Table::new().words("unit").words("true faults").numbers("strength").words("verdict").words("named effects");

@@ -10,7 +10,6 @@ use govtwin_diagnosis::result::{Blame, Interval, Ranked, Remainder, Verdict};
 use govtwin_model::effects::{EffectSpec, find};
 
 /// The verdict on a unit by these numbers and this table; sizes and explained fraction stay those of the report where it blames the same.
-#[must_use]
 pub fn rejudged(report: &DiagnosisReport, table: &EvidenceTable, numbers: &Hyperparameters) -> DiagnosisReport {
     let mut ids: Vec<&str> = table.rows.iter().flat_map(|row| &row.effects).map(String::as_str).collect();
     ids.sort_unstable();

@@ -93,7 +93,6 @@ pub struct Confusion {
 }
 
 /// Scores a set of units.
-#[must_use]
 pub fn score(cases: &[ScoredUnit]) -> Score {
     let sound = weight_of_sound(cases.iter().filter(|case| case.sound()).count(), cases.len());
     let mut claims = Vec::new();

@@ -36,7 +36,6 @@ impl MissedBy {
     pub const ALL: [Self; 4] = [Self::Information, Self::Search, Self::Verdict, Self::Model];
 
     /// The word in files and tables.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Information => "information",
@@ -99,7 +98,6 @@ impl ScoredUnit {
     }
 
     /// Whether the verdict leaves out or makes up anything: a class is one effect, and right where it holds what is there.
-    #[must_use]
     pub fn missed(&self) -> bool {
         match self.label.listed {
             false => !self.says_something_else(),
@@ -118,7 +116,6 @@ impl ScoredUnit {
     }
 
     /// Whether the verdict names an effect that is not there; a class only claims that one of several is.
-    #[must_use]
     pub(crate) fn makes_up(&self) -> bool {
         let there = |id: &str| self.label.effects.iter().any(|truth| truth.id == id);
         self.names() && self.report.effects.iter().any(|blamed| !there(&blamed.id))
@@ -130,7 +127,6 @@ impl ScoredUnit {
     }
 
     /// What a miss lies with; none where nothing was missed, or nothing is known of it.
-    #[must_use]
     pub fn missed_by(&self) -> Option<MissedBy> {
         if !self.missed() {
             return None;
@@ -189,7 +185,6 @@ impl ScoredUnit {
     }
 
     /// Regret of the search as a share of χ²; none where the true values are not known.
-    #[must_use]
     pub fn regret(&self) -> Option<f64> {
         self.report.evidence.regret.as_ref().map(Regret::share).filter(|share| !share.is_nan())
     }

@@ -8,27 +8,21 @@ use govtwin_diagnosis::result::{Blame, Interval, Verdict};
 /// The questions that a score asks of a report.
 pub trait ScoredReport {
     /// Whether it reports a fault.
-    #[must_use]
     fn detects(&self) -> bool;
 
     /// Probability given to an id; 0 where the ranking lacks it.
-    #[must_use]
     fn probability(&self, id: &str) -> f64;
 
     /// The one word that the verdict comes down to: an effect's id, `unknown` or `none`.
-    #[must_use]
     fn word(&self) -> &str;
 
     /// What the model of the verdict leaves above the cost of a right one, in halves of a log-likelihood; none where the report does not tell.
-    #[must_use]
     fn leaves(&self) -> Option<f64>;
 
     /// The claimed explained fraction; none where nothing is claimed, or an interval leaves everything open.
-    #[must_use]
     fn explained_fraction(&self) -> Option<Interval>;
 
     /// Whether an effect is blamed.
-    #[must_use]
     fn blames(&self, id: &str) -> bool;
 }
 

@@ -18,7 +18,6 @@ pub struct Measured {
 
 impl Measured {
     /// A share with Wilson's interval (Wilson 1927, Journal of the American Statistical Association 22(158)).
-    #[must_use]
     pub fn share(hits: usize, cases: usize) -> Self {
         Self { cases, ..Self::wilson(hits as f64 / cases as f64, cases as f64) }
     }
@@ -38,7 +37,6 @@ impl Measured {
     }
 
     /// The share of cases that are so.
-    #[must_use]
     pub fn of(cases: impl IntoIterator<Item = bool>) -> Self {
         let (mut hits, mut count) = (0, 0);
         for hit in cases {
@@ -49,7 +47,6 @@ impl Measured {
     }
 
     /// The share of weighted cases that are so; the interval is that of as many equal cases as the weights are worth (Kish 1965, Survey Sampling, 11.7).
-    #[must_use]
     pub fn weighted(cases: &[(bool, f64)]) -> Self {
         let all: f64 = cases.iter().map(|(_, weight)| weight).sum();
         let squares: f64 = cases.iter().map(|(_, weight)| weight * weight).sum();
@@ -60,14 +57,12 @@ impl Measured {
     }
 
     /// A mean of probabilities, whose interval stays between 0 and 1.
-    #[must_use]
     pub(crate) fn mean_probability(values: &[f64]) -> Self {
         let mean = Self::mean(values);
         Self { low: mean.low.max(0.0), high: mean.high.min(1.0), ..mean }
     }
 
     /// A mean with the interval of a normal one.
-    #[must_use]
     pub fn mean(values: &[f64]) -> Self {
         let cases = values.len();
         if cases == 0 {
@@ -101,7 +96,6 @@ pub struct StatedProbability {
 }
 
 /// Reported probabilities against observed frequencies, in bins of a tenth; empty bins are left out.
-#[must_use]
 pub fn reliability(claims: &[StatedProbability]) -> Vec<Bin> {
     (0..10)
         .filter_map(|bin| {
@@ -121,8 +115,7 @@ pub fn reliability(claims: &[StatedProbability]) -> Vec<Bin> {
 const SOUND: f64 = 0.5;
 
 /// Weight of a fault-free unit of a set relative to a faulty one, so that fault-free ones are half of it.
-#[must_use]
-pub fn weight_of_sound(sound: usize, all: usize) -> f64 {
+pub(crate) fn weight_of_sound(sound: usize, all: usize) -> f64 {
     if (1..all).contains(&sound) { SOUND / (1.0 - SOUND) * (all - sound) as f64 / sound as f64 } else { 1.0 }
 }
 

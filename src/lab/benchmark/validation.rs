@@ -17,7 +17,6 @@ const NOTABLE: f64 = 0.1;
 const LEAST_GAIN: f64 = 20.0;
 
 /// The share of the gap of the refitted twin that the improved one closes, counted as the claim is, noise and all; none where there is no gap.
-#[must_use]
 pub fn explained_fraction(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> Option<f64> {
     let problem = laid_for(laid_along(recordings, refitted), refitted, improved);
     let twins = problem.simulate_all(&[refitted.clone(), improved.clone()]);
@@ -25,7 +24,6 @@ pub fn explained_fraction(recordings: Vec<Recording>, refitted: &Unit, improved:
 }
 
 /// Recordings with the noise along a refitted unit, and with their trips where it explains them best, as the diagnosis has them.
-#[must_use]
 pub fn laid_along(recordings: Vec<Recording>, refitted: &Unit) -> Problem {
     let noise = expected(&refitted.sensors);
     let problem =

@@ -5,11 +5,10 @@ use super::contenders::{data_only, estimates, keeping, mechanism};
 use super::gate::BlendGate;
 use govtwin_correction::booster::{Hyperparameters, Objective, TrainError};
 use govtwin_correction::features::Feature;
-use govtwin_correction::forest::Forest;
 use govtwin_correction::model::Learned;
 use govtwin_correction::split::{RowSplit, folds};
 use govtwin_correction::table::FeatureTable;
-use govtwin_correction::training;
+use govtwin_correction::training::{self, walkable};
 
 /// How many steps there are with a refitted parent; one less without.
 pub const STEPS: usize = 12;
@@ -37,8 +36,7 @@ pub fn said(
     seed: u64,
 ) -> Result<Vec<f64>, TrainError> {
     let (trees, _) = training::fit(table, &split.train, learned, with, seed)?;
-    let width = table.layout.features.len();
-    let forest = Forest::new(&trees, width).map_err(|error| TrainError::Library(error.to_string()))?;
+    let forest = walkable(&trees, table.layout.features.len())?;
     Ok(estimates(&forest, table, &split.test, learned, None))
 }
 
@@ -72,14 +70,12 @@ pub fn gated(
 }
 
 /// What the hybrid's gate chooses among: the residual by absolute errors and by squares, and the signal itself.
-#[must_use]
 pub fn of_hybrid(with: &Hyperparameters) -> [(Learned, Hyperparameters); 3] {
     let squares = Hyperparameters { objective: Objective::L2, ..*with };
     [(Learned::Residual, *with), (Learned::Residual, squares), (Learned::Signal, *with)]
 }
 
 /// The same choice for data alone, so that a gate is no advantage of the hybrid's.
-#[must_use]
 pub fn of_data(with: &Hyperparameters) -> [(Learned, Hyperparameters); 2] {
     [(Learned::Signal, *with), (Learned::Signal, Hyperparameters { objective: Objective::L2, ..*with })]
 }
@@ -131,7 +127,6 @@ pub fn ablation(
 }
 
 /// Whether two tables hold the same rows.
-#[must_use]
 pub fn same_rows(one: &FeatureTable, other: &FeatureTable) -> bool {
     let places = |table: &FeatureTable| table.marks.iter().map(|mark| (mark.recording, mark.frame)).collect::<Vec<_>>();
     let names = |table: &FeatureTable| table.layout.features.iter().map(Feature::name).collect::<Vec<_>>();

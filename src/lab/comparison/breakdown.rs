@@ -43,7 +43,6 @@ impl Phase {
     pub const ALL: [Self; 4] = [Self::Trip, Self::Jump, Self::Moving, Self::AtRest];
 
     /// The words for it.
-    #[must_use]
     pub fn title(self) -> &'static str {
         match self {
             Self::Trip => "trip",
@@ -112,7 +111,6 @@ pub struct ErrorBreakdown {
 }
 
 /// The phase of a row.
-#[must_use]
 pub fn phase(table: &FeatureTable, row: usize) -> Phase {
     let mark = &table.marks[row];
     let before = |back: usize| {
@@ -136,8 +134,6 @@ pub fn phase(table: &FeatureTable, row: usize) -> Phase {
 }
 
 /// Breaks errors down; `rows` are the test rows, and every parent a table with the same rows.
-#[must_use]
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn breakdown(
     parents: &[(&'static str, &FeatureTable)],
     rows: &[usize],

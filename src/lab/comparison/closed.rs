@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use super::contenders::estimates;
+use super::inloop::{self, FEATURES, Pull, at, features};
 use super::{Contender, ModelStanding};
 use govtwin_correction::booster::{Hyperparameters, TrainError, grow};
 use govtwin_correction::forest::Forest;
 use govtwin_correction::guard::Guard;
-use govtwin_correction::inloop::{self, FEATURES, Pull, at, features};
 use govtwin_correction::model::Learned;
 use govtwin_correction::split::RowSplit;
 use govtwin_correction::table::FeatureTable;
@@ -40,7 +40,6 @@ pub struct Pulled {
 
 /// Pulls a twin along a recorded spool with a gain in 1/s. Where rows are slow, draw the inputs in between them first
 /// ([`govtwin_model::replay::between`]): the pull would learn their lag.
-#[must_use]
 pub fn pull(unit: &Unit, recording: &Recording, pull_1_s: f64) -> Pulled {
     let mut plant = plant(unit);
     let start_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
@@ -49,7 +48,7 @@ pub fn pull(unit: &Unit, recording: &Recording, pull_1_s: f64) -> Pulled {
         [time_s, plant.spool.position_m(frame.measured.spool_position_pu)]
     });
     let path: Vec<[f64; 2]> = path.collect();
-    plant.terms.push(Arc::new(Pull { path: path.clone(), area_m2: plant.spool.control_area_m2, pull_1_s }));
+    plant.terms.push(Arc::new(Pull { path: path.clone(), area_m2: plant.spool.control_area_m2, gain_1_s: pull_1_s }));
     let mut twin = Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default());
     let mut pulled = Pulled::default();
     for (index, frame) in recording.frames.iter().enumerate() {
@@ -70,7 +69,6 @@ pub fn pull(unit: &Unit, recording: &Recording, pull_1_s: f64) -> Pulled {
 }
 
 /// A twin with what was learned inside it.
-#[must_use]
 pub fn twin(unit: &Unit, forest: Forest, guard: Guard) -> Twin {
     let mut plant = plant(unit);
     plant.terms.push(Arc::new(inloop::LearnedSpoolRate { forest, guard, area_m2: plant.spool.control_area_m2 }));
@@ -165,10 +163,9 @@ fn judged(table: &FeatureTable, recordings: &[Recording], signal: Signal) -> Fea
 
 #[cfg(test)]
 mod tests {
-    use super::{PULL_1_S, pull, twin};
+    use super::{FEATURES, PULL_1_S, pull, twin};
     use govtwin_correction::forest::{Forest, Tree};
     use govtwin_correction::guard::Guard;
-    use govtwin_correction::inloop::FEATURES;
     use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
     use govtwin_model::recording::Recording;
     use govtwin_model::replay::simulate;

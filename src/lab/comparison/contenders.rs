@@ -9,12 +9,11 @@ use govtwin_correction::guard::{Guard, GuardCounts};
 use govtwin_correction::model::{Learned, Model};
 use govtwin_correction::split::without_process;
 use govtwin_correction::table::{FeatureTable, TableLayout};
-use govtwin_correction::training::{self, GuardKind};
+use govtwin_correction::training::{self, GuardKind, walkable};
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Process;
 
 /// The same table with some of its features.
-#[must_use]
 pub fn keeping(table: &FeatureTable, keeps: impl Fn(&Feature) -> bool) -> FeatureTable {
     let keep: Vec<usize> =
         (0..table.layout.features.len()).filter(|&index| keeps(&table.layout.features[index])).collect();
@@ -29,20 +28,17 @@ pub fn keeping(table: &FeatureTable, keeps: impl Fn(&Feature) -> bool) -> Featur
 }
 
 /// The same table without the twin's words: what a model of data alone sees.
-#[must_use]
 pub fn data_only(table: &FeatureTable) -> FeatureTable {
     keeping(table, |feature| !feature.channel().is_model())
 }
 
 /// The twin alone.
-#[must_use]
 pub fn mechanism(table: &FeatureTable, rows: &[usize]) -> Contender {
     let estimates = rows.iter().map(|&row| table.marks[row].model).collect();
     Contender { id: "mbm", title: "MBM", estimates }
 }
 
 /// The word of trees for rows; with a guard, as a node runs them.
-#[must_use]
 pub fn estimates(
     forest: &Forest,
     table: &FeatureTable,
@@ -115,7 +111,7 @@ pub fn leave_one_out(
         }
         let forest = |table: &FeatureTable, learned| -> Result<Forest, TrainError> {
             let (trees, _) = training::fit(table, &split.train, learned, &Hyperparameters::MANUAL, seed)?;
-            Forest::new(&trees, table.layout.features.len()).map_err(|error| TrainError::Library(error.to_string()))
+            walkable(&trees, table.layout.features.len())
         };
         let mut hybrids = |table: &FeatureTable, [bare, guarded]: [(&'static str, &'static str); 2]| {
             let with = Hyperparameters::MANUAL;

@@ -25,7 +25,6 @@ pub struct CoveredAt {
 
 impl CoveredAt {
     /// Rows, coverage and half width in words; `unit` is the signal's.
-    #[must_use]
     pub fn words(&self, unit: &str) -> String {
         if self.coverage_share.is_nan() {
             return format!("{} rows, no band", self.rows);
@@ -36,8 +35,6 @@ impl CoveredAt {
 }
 
 /// How much of the rows the band of a guarded residual holds, by process and by distance.
-#[must_use]
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn covered_by_distance(
     table: &FeatureTable,
     rows: &[usize],

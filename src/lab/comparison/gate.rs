@@ -25,7 +25,6 @@ pub struct BlendGate {
 
 impl BlendGate {
     /// Learns a gate on rows: for each the row's index and the words of all models, none of which saw it.
-    #[must_use]
     pub fn learned(table: &FeatureTable, models: usize, rows: &[(usize, Vec<f64>)]) -> Self {
         let mut motions: Vec<f64> = rows.iter().map(|(row, _)| table.marks[*row].motion).collect();
         motions.sort_by(f64::total_cmp);
@@ -54,7 +53,6 @@ impl BlendGate {
     }
 
     /// The combined estimate of all models for a row.
-    #[must_use]
     pub fn value(&self, motion: f64, words: &[f64]) -> f64 {
         self.weight_shares.get(self.level(motion)).map_or(f64::NAN, |shares| mixed(shares, words))
     }

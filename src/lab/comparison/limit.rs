@@ -33,7 +33,6 @@ pub enum LimitKnowledge {
 }
 
 /// An error of the size of the limit at each of some rows of a table, which was made of these recordings.
-#[must_use]
 pub fn limit(
     unit: &Unit,
     cut: Cut,
@@ -82,7 +81,6 @@ pub fn limit(
 }
 
 /// Lets the command wander between rows, which stay as they are.
-#[expect(clippy::cast_precision_loss, reason = "rows between two others")]
 fn wander(frames: &mut [Frame], rows: &[usize], draws: &mut Draws) {
     let commands: Vec<f64> = rows.iter().map(|&row| frames[row].inputs.opening_command_pu).collect();
     for (pause, ends) in rows.windows(2).enumerate() {

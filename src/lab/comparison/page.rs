@@ -40,7 +40,6 @@ impl Shown<'_> {
 pub const HYBRIDS: [&str; 7] = ["gate", "hybrid", "mdhm", "random", "lightgbm", "lstm", "tcn"];
 
 /// The figures of models, process by process.
-#[must_use]
 pub fn models_table(models: &[ModelFigures], unit: &str) -> Table {
     let mut table = Table::new().words("model").words("process").numbers("rows");
     for name in [format!("MAE, {unit}"), format!("RMSE, {unit}"), "R²".to_owned()] {
@@ -60,7 +59,6 @@ pub fn models_table(models: &[ModelFigures], unit: &str) -> Table {
 }
 
 /// Figures over seeds, process by process: the mean, and the spread behind it where there are several.
-#[must_use]
 pub fn spread_table(models: &[SeedSpread], unit: &str) -> Table {
     let mut table = Table::new().words("model");
     let parts = models.first().map_or(&[][..], |model| &model.parts);
@@ -82,7 +80,6 @@ pub fn spread_table(models: &[SeedSpread], unit: &str) -> Table {
 }
 
 /// Errors by process and phase.
-#[must_use]
 pub fn breakdown_table(broken: &ErrorBreakdown, unit: &str) -> Table {
     let mut table = Table::new().words("process").words("phase").numbers("rows");
     for model in &broken.models {
@@ -101,14 +98,10 @@ pub fn breakdown_table(broken: &ErrorBreakdown, unit: &str) -> Table {
 
 /// The words for a process's id.
 fn title(id: &str) -> &str {
-    match Process::ALL.into_iter().find(|process| process.id() == id) {
-        Some(process) => process.title(),
-        None => id,
-    }
+    Process::with_id(id).map_or(id, |process| process.title())
 }
 
 /// The page.
-#[must_use]
 pub fn page(summary: &ComparisonSummary, shown: &Shown) -> Page {
     let unit = shown.rows.layout.signal.unit();
     let mut page = Page::new(

@@ -18,7 +18,6 @@ const FEWEST_ROWS: usize = 100;
 /// The parts of recordings that teach: each up to its last row that does, the rows of `table` being those recordings'.
 ///
 /// Where a process is left out, its recordings are, too.
-#[must_use]
 pub fn teaching(recordings: &[Recording], table: &FeatureTable, split: &RowSplit) -> Vec<Recording> {
     let mut ends = vec![0; recordings.len()];
     for mark in split.train.iter().map(|&row| &table.marks[row]) {
@@ -30,7 +29,6 @@ pub fn teaching(recordings: &[Recording], table: &FeatureTable, split: &RowSplit
 
 /// A unit whose tolerances and, with them, the effects of these ids are fitted to recordings, inputs drawn in between their rows
 /// every `period_ns`; ids that the catalogue lacks are passed over. `step` is called as each part of the work ends.
-#[must_use]
 pub fn refit(recordings: &[Recording], unit: &Unit, effects: &[&str], period_ns: i64, step: &dyn Fn()) -> Unit {
     let mut base = unit.clone();
     let mut free = FreeParameter::nuisances(&base);

@@ -127,8 +127,6 @@ pub struct SpreadIn {
 }
 
 /// Figures over seeds; every seed has the same models in the same order.
-#[must_use]
-#[expect(clippy::cast_precision_loss, reason = "a few seeds")]
 pub fn spread(seeds: &[Vec<ModelStanding>]) -> Vec<SeedSpread> {
     let over = |values: Vec<f64>| {
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
@@ -196,14 +194,12 @@ pub struct Searched {
 
 impl Searched {
     /// The trial with the smallest loss: its values and its loss.
-    #[must_use]
     pub fn best(&self) -> Option<(&[f64], f64)> {
         let trials = self.points.iter().map(Vec::as_slice).zip(self.losses.iter().copied());
         trials.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     /// The smallest loss after each trial.
-    #[must_use]
     pub(crate) fn best_so_far(&self) -> Vec<f64> {
         let lower = |low: &mut f64, loss: &f64| {
             *low = low.min(*loss);
@@ -274,7 +270,6 @@ pub struct Claims<'a> {
 }
 
 /// The paper's claims for its hybrid, beside the figures here; the models beside it are the twin alone and the model of data alone.
-#[must_use]
 pub fn claims(ours: &Claims<'_>, [mechanism, data]: [&ModelStanding; 2]) -> Vec<PaperClaim> {
     let Claims { of, hybrid } = ours;
     let span = |theirs: &ModelStanding, figure: fn(&Figures) -> f64| {
@@ -292,8 +287,6 @@ pub fn claims(ours: &Claims<'_>, [mechanism, data]: [&ModelStanding; 2]) -> Vec<
 }
 
 /// How much of the rows a band holds.
-#[must_use]
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn covered(table: &FeatureTable, rows: &[usize], estimates: &[f64], band: &Band) -> Covered {
     let share = |process: Option<Process>| {
         let (mut count, mut inside, mut width) = (0_u64, 0_u64, 0.0);

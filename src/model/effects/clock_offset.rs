@@ -18,7 +18,7 @@ use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "clock_offset",
     stage: Stage::Sensor,
     source: include_str!("clock_offset.rs"),

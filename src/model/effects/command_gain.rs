@@ -13,7 +13,7 @@ use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, S
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "command_gain",
     stage: Stage::Regulator,
     source: include_str!("command_gain.rs"),

@@ -18,7 +18,7 @@ use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "esv_delay",
     stage: Stage::Esv,
     source: include_str!("esv_delay.rs"),

@@ -18,7 +18,7 @@ use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "esv_slow",
     stage: Stage::Esv,
     source: include_str!("esv_slow.rs"),

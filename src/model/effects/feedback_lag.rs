@@ -17,7 +17,7 @@ use crate::plant::lag::lag;
 use crate::plant::term::Point;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "feedback_lag",
     stage: Stage::Sensor,
     source: include_str!("feedback_lag.rs"),

@@ -18,7 +18,7 @@ use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "flow_saturation",
     stage: Stage::Spool,
     source: include_str!("flow_saturation.rs"),

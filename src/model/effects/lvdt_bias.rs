@@ -14,7 +14,7 @@ use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, S
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "lvdt_bias",
     stage: Stage::Sensor,
     source: include_str!("lvdt_bias.rs"),

@@ -59,7 +59,6 @@ impl OwnError {
     }
 
     /// The key of the definition that is wrong, dotted; empty for the whole.
-    #[must_use]
     pub fn key(&self) -> &str {
         match self {
             Self::Unknown { key, .. } => key,

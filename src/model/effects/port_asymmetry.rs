@@ -16,7 +16,7 @@ use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, S
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "port_asymmetry",
     stage: Stage::Servomotor,
     source: include_str!("port_asymmetry.rs"),

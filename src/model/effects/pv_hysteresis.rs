@@ -20,7 +20,7 @@ use crate::plant::term::Point;
 use crate::plant::term::play::Play;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "pv_hysteresis",
     stage: Stage::PilotValve,
     source: include_str!("pv_hysteresis.rs"),

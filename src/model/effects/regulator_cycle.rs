@@ -16,7 +16,7 @@ use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, S
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "regulator_cycle",
     stage: Stage::Regulator,
     source: include_str!("regulator_cycle.rs"),

@@ -34,7 +34,6 @@ pub enum Scaling {
 
 impl Scaling {
     /// What it goes with, in words; none where it is fixed.
-    #[must_use]
     pub fn words(self) -> Option<&'static str> {
         match self {
             Self::Fixed => None,
@@ -51,7 +50,6 @@ impl Scaling {
     }
 
     /// Factor by which a size of the reference unit is to be multiplied.
-    #[must_use]
     pub fn factor(self, size: &UnitSize) -> f64 {
         match self {
             Self::Fixed => 1.0,
@@ -128,7 +126,6 @@ impl Quantities {
 
 impl UnitSize {
     /// Of a unit's parameters.
-    #[must_use]
     pub fn new(parameters: &Parameters) -> Self {
         let own = Quantities {
             pressure_pa: parameters.oil.tank_pressure_pa,

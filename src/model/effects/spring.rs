@@ -14,7 +14,7 @@ use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, S
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "spring",
     stage: Stage::Spool,
     source: include_str!("spring.rs"),

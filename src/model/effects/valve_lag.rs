@@ -17,7 +17,7 @@ use crate::plant::lag::lag;
 use crate::plant::term::Point;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
+pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "valve_lag",
     stage: Stage::Spool,
     source: include_str!("valve_lag.rs"),

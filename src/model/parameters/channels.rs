@@ -18,20 +18,17 @@ impl Default for ChannelReading {
 
 impl ChannelReading {
     /// A channel that reads 0 pu at one recorded value and 1 pu at another.
-    #[must_use]
     pub fn between(zero: f64, one: f64) -> Self {
         let scale_pu = 1.0 / (one - zero);
         Self { scale_pu, offset_pu: -zero * scale_pu }
     }
 
     /// What a recorded value means, pu.
-    #[must_use]
     pub fn position_pu(&self, recorded: f64) -> f64 {
         recorded * self.scale_pu + self.offset_pu
     }
 
     /// What is recorded at a position.
-    #[must_use]
     pub fn recorded(&self, position_pu: f64) -> f64 {
         (position_pu - self.offset_pu) / self.scale_pu
     }

@@ -59,7 +59,6 @@ pub enum ParamsError {
 
 impl ParamsError {
     /// What is wrong in the file's content; empty where it could not be read or written at all.
-    #[must_use]
     pub fn problems(&self) -> &[FileProblem] {
         match self {
             Self::Invalid { problems, .. } => problems,
@@ -69,7 +68,6 @@ impl ParamsError {
 }
 
 /// One line a problem, each beginning with `file:line:` as compilers do, so that editors can jump to it.
-#[must_use]
 pub fn list(what: &str, path: &std::path::Path, problems: &[FileProblem]) -> String {
     let noun = if problems.len() == 1 { "problem" } else { "problems" };
     let path = path.display();

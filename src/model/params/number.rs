@@ -5,7 +5,6 @@ use crate::parameters::Tolerance;
 /// The shortest text that reads back as the same number.
 ///
 /// Exponents carry a dot and a sign (`2.0e-13`), without which YAML 1.1 readers take them for text.
-#[must_use]
 pub fn number_text(value: f64) -> String {
     let size = value.abs();
     if !value.is_finite() {
@@ -30,13 +29,11 @@ pub fn number_text(value: f64) -> String {
 }
 
 /// A number with its unit; `1` is no unit.
-#[must_use]
 pub fn quantity_text(value: f64, unit: &str) -> String {
     if unit == "1" { number_text(value) } else { format!("{} {unit}", number_text(value)) }
 }
 
 /// A tolerance in a reader's words.
-#[must_use]
 pub fn tolerance_text(tolerance: Tolerance, unit: &str) -> String {
     match tolerance {
         Tolerance::Relative(share) => format!("± {} %", decimals(share * 100.0)),

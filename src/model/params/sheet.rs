@@ -51,7 +51,6 @@ impl Sheet {
 
 /// Digest of a unit: values, tolerances, transducers, effects, and scale and zero of its channels where they are not in pu. Two files that
 /// describe the same unit have one digest.
-#[must_use]
 pub fn unit_digest(unit: &Unit) -> String {
     let mut digest = Digest::default();
     for (entry, tolerance) in ENTRIES.iter().zip(&unit.tolerances) {

@@ -4,7 +4,6 @@
 const LEAST_LIKENESS: f64 = 0.75;
 
 /// The candidate most like `word`, the first of equals; `None` where none is near.
-#[must_use]
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let mut best = None;
     for candidate in candidates {

@@ -25,7 +25,6 @@ pub enum Node {
 
 impl Node {
     /// What it is, in a reader's words.
-    #[must_use]
     pub fn describe(&self) -> String {
         match self {
             Self::Null => "nothing".to_owned(),
@@ -39,13 +38,11 @@ impl Node {
 }
 
 /// The value of a key in a mapping.
-#[must_use]
 pub fn get<'n>(map: &'n [(String, Node)], key: &str) -> Option<&'n Node> {
     map.iter().find(|(known, _)| known == key).map(|(_, node)| node)
 }
 
 /// Text in quotes: YAML's double-quoted text is a superset of JSON's.
-#[must_use]
 pub fn quoted(text: &str) -> String {
     serde_json::Value::from(text).to_string()
 }
@@ -69,7 +66,6 @@ pub struct Document {
 
 impl Document {
     /// The text of a key at the top of the file.
-    #[must_use]
     pub fn text(&self, key: &str) -> Option<&str> {
         let Node::Map(map) = &self.root else { return None };
         map.iter().find_map(|(known, node)| match node {
@@ -79,7 +75,6 @@ impl Document {
     }
 
     /// Line of a key given by its path, counted from 1; of the nearest parent where the key shares a line.
-    #[must_use]
     pub fn line(&self, path: &[&str]) -> Option<usize> {
         let path: Vec<String> = path.iter().map(|key| (*key).to_owned()).collect();
         (1..=path.len()).rev().find_map(|length| self.lines.get(path.get(..length)?).copied())

@@ -19,7 +19,6 @@ abreast!(Esv { conductance });
 
 impl Esv {
     /// From the sheet.
-    #[must_use]
     pub fn new(p: &parameters::Esv, oil: &parameters::Oil) -> Self {
         Self { conductance: p.discharge_coefficient * p.drain_area_m2 * (2.0 / oil.density_kg_m3).sqrt() }
     }
@@ -28,7 +27,6 @@ impl Esv {
 impl<T: Real> Esv<T> {
     /// Flow into the control chamber, given the flow of the pilot valve.
     #[inline(always)]
-    #[must_use]
     pub fn flow(&self, opening_pu: T, pilot: Flow<T>, control_pressure_pa: T, return_pa: T) -> Flow<T> {
         let one = opening_pu.like(1.0);
         either!(opening_pu.ge(one), pilot, {

@@ -29,7 +29,6 @@ abreast!(Friction { coulomb_n, static_ratio });
 impl<T: Real> Friction<T> {
     /// Friction's size beyond the core at a speed, N.
     #[inline(always)]
-    #[must_use]
     pub fn size_n(&self, velocity_m_s: T) -> T {
         let plain = self.static_ratio.is(1.0);
         either!(plain, self.coulomb_n, {
@@ -40,7 +39,6 @@ impl<T: Real> Friction<T> {
 
     /// Force against a motion, N, with the sign of the speed.
     #[inline(always)]
-    #[must_use]
     pub fn force_n(&self, velocity_m_s: T) -> T {
         let one = velocity_m_s.like(1.0);
         self.size_n(velocity_m_s) * (velocity_m_s / FRICTION_CORE_M_S).clamp(-one, one)
@@ -48,7 +46,6 @@ impl<T: Real> Friction<T> {
 
     /// The speed that solves `resistance · v + friction(v) = push`, m/s, Stribeck's term taken at `before_m_s`.
     #[inline(always)]
-    #[must_use]
     pub fn speed_m_s(&self, push_n: T, resistance_n_s_m: T, before_m_s: T) -> T {
         either!(self.coulomb_n.is(0.0), push_n / resistance_n_s_m, {
             let size_n = self.size_n(before_m_s);

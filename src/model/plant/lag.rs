@@ -6,8 +6,7 @@ use crate::plant::term::{Point, Term, View};
 
 /// The lag as a term at a point: `τ x' + x = s`, stepped exactly for a signal that runs linearly over a tick (first-order hold: Åström &
 /// Wittenmark 1997, *Computer-Controlled Systems*, section 7.3).
-#[must_use]
-pub fn lag(point: Point, time_constant_s: f64, tick_s: f64) -> Arc<dyn Term> {
+pub(crate) fn lag(point: Point, time_constant_s: f64, tick_s: f64) -> Arc<dyn Term> {
     let ticks = time_constant_s / tick_s;
     Arc::new(LagLaw { point, decay_ratio: (-1.0 / ticks).exp(), ticks_count: ticks })
 }

@@ -49,7 +49,6 @@ pub struct Width {
 
 impl Width {
     /// All that are worth their while, the narrowest first.
-    #[must_use]
     pub fn all() -> Vec<Self> {
         #[cfg(target_arch = "x86_64")]
         {
@@ -68,19 +67,16 @@ impl Width {
     }
 
     /// The most lanes that a batch may have.
-    #[must_use]
     pub fn most_lanes() -> usize {
         Self::all().last().map_or(1, |widest| widest.lanes())
     }
 
     /// The narrowest with so many lanes; none where no register has as many.
-    #[must_use]
     pub fn holding(count: usize) -> Option<Self> {
         Self::all().into_iter().find(|width| width.lanes() >= count)
     }
 
     /// Its number of lanes.
-    #[must_use]
     pub fn lanes(self) -> usize {
         struct Count;
         impl LaneWork for Count {
@@ -127,7 +123,7 @@ impl<J: LaneWork> WithSimd for Double<J> {
 
 /// Numbers in the lanes of one register, with the right to use its instructions.
 #[derive(Clone, Copy)]
-pub struct Lanes<S: Simd> {
+struct Lanes<S: Simd> {
     simd: S,
     values: S::f64s,
 }
@@ -325,7 +321,7 @@ impl<S: Simd> Real for Lanes<S> {
 pub type SideBySide<'a, T> = dyn Fn(&dyn Fn(usize) -> f64) -> T + 'a;
 
 /// A law whose quantities can stand side by side for several units.
-pub trait Abreast<T> {
+pub(crate) trait Abreast<T> {
     /// The law with lanes for numbers.
     type Lanes;
     /// The quantities of all units; `of` names a unit.
@@ -375,14 +371,15 @@ macro_rules! abreast {
     };
 }
 
-/// Implements access to one lane for a type with these quantities in lanes.
+/// The same, and access to one lane.
 macro_rules! apart {
     ($law:ident { $($quantity:ident),* $(,)? }) => {
+        $crate::plant::lanes::abreast!($law { $($quantity),* });
+
         impl<T: $crate::plant::lanes::Wide> $law<T> {
             /// The quantities in one lane.
             #[inline(always)]
-            #[must_use]
-            pub fn lane(&self, lane: usize) -> $law {
+            pub(crate) fn lane(&self, lane: usize) -> $law {
                 $law { $($quantity: self.$quantity.lane(lane)),* }
             }
         }

@@ -43,7 +43,7 @@ abreast!(MainPorts {
 
 /// Flows into the two chambers, and from the tank.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PortFlows<T = f64> {
+pub(crate) struct PortFlows<T = f64> {
     /// Into the opening chamber; slope against its own pressure.
     pub opening: Flow<T>,
     /// Into the closing chamber; slope against its own pressure.
@@ -65,7 +65,6 @@ impl<T: Real> Lanewise<T> for PortFlows<T> {
 
 impl MainPorts {
     /// From the sheet.
-    #[must_use]
     pub fn new(p: &parameters::MainPorts, esv: &parameters::Esv, oil: &parameters::Oil) -> Self {
         let gain = esv.discharge_coefficient * p.width_m * (2.0 / oil.density_kg_m3).sqrt();
         Self {
@@ -83,7 +82,6 @@ impl MainPorts {
 impl<T: Real> MainPorts<T> {
     /// Travel beyond the overlap `x_eff`, m.
     #[inline(always)]
-    #[must_use]
     pub fn travel_m(&self, position_m: T) -> T {
         self.blurred_travel_m(position_m, position_m.like(0.0))
     }
@@ -94,8 +92,7 @@ impl<T: Real> MainPorts<T> {
     /// A Gaussian of standard deviation σ about an edge passes 0.4 σ of travel on average, a hyperbola half its width:
     /// `blur_m` = 0.8 σ matches them there.
     #[inline(always)]
-    #[must_use]
-    pub fn blurred_travel_m(&self, position_m: T, blur_m: T) -> T {
+    pub(crate) fn blurred_travel_m(&self, position_m: T, blur_m: T) -> T {
         let sharp = blur_m.is(0.0) & self.edge_radius_m.is(0.0);
         either!(sharp, position_m - position_m.clamp(-self.closing_overlap_m, self.opening_overlap_m), {
             let square_m2 = blur_m * blur_m + self.edge_radius_m * self.edge_radius_m;
@@ -106,8 +103,14 @@ impl<T: Real> MainPorts<T> {
 
     /// Flows at a travel beyond the overlap.
     #[inline(always)]
-    #[must_use]
-    pub fn flows(&self, travel_m: T, opening_pa: T, closing_pa: T, tank_pa: T, supply: &Supply<T>) -> PortFlows<T> {
+    pub(crate) fn flows(
+        &self,
+        travel_m: T,
+        opening_pa: T,
+        closing_pa: T,
+        tank_pa: T,
+        supply: &Supply<T>,
+    ) -> PortFlows<T> {
         let zero = travel_m.like(0.0);
         let none = Flow { m3_s: zero, slope_m3_s_pa: zero };
         either!(travel_m.is(0.0), PortFlows { opening: none, closing: none, drawn_m3_s: zero }, {
@@ -126,7 +129,6 @@ impl<T: Real> MainPorts<T> {
 
     /// Steady flow force on the spool, N, + opens; it acts towards closing the port.
     #[inline(always)]
-    #[must_use]
     pub fn flow_force_n(&self, travel_m: T, opening_pa: T, closing_pa: T, supply_pa: T, return_pa: T) -> T {
         let zero = travel_m.like(0.0);
         either!(self.flow_force_m.is(0.0), zero, {

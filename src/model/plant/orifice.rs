@@ -36,8 +36,7 @@ impl<T: Real> Lanewise<T> for Flow<T> {
 
 /// The regularised root of a pressure drop, √Pa, and its slope, 1/√Pa.
 #[inline(always)]
-#[must_use]
-pub fn root<T: Real>(drop_pa: T) -> (T, T) {
+pub(crate) fn root<T: Real>(drop_pa: T) -> (T, T) {
     let size_pa = drop_pa.abs();
     either!(
         size_pa.ge(size_pa.like(LAMINAR_PRESSURE_DROP_PA)),
@@ -57,8 +56,7 @@ pub fn root<T: Real>(drop_pa: T) -> (T, T) {
 ///
 /// `series` is the inverse conductance of the second, so that 0 means that it is not there.
 #[inline(always)]
-#[must_use]
-pub fn in_series<T: Real>(conductance: T, series: T) -> T {
+pub(crate) fn in_series<T: Real>(conductance: T, series: T) -> T {
     either!(series.is(0.0), conductance, {
         let ratio = conductance * series;
         conductance / (ratio * ratio + 1.0).sqrt()

@@ -52,7 +52,6 @@ abreast!(Propagator { end, mean });
 
 impl ProportionalValve {
     /// From the sheet.
-    #[must_use]
     pub fn new(p: &parameters::ProportionalValve) -> Self {
         Self {
             natural_frequency_rad_s: p.natural_frequency_rad_s,
@@ -67,7 +66,6 @@ impl ProportionalValve {
 
     /// Rate of change of `(x_p, x_p')` while the valve is off its stops.
     #[inline]
-    #[must_use]
     pub fn rates(&self, position_pu: f64, rate_pu_s: f64, current_pu: f64) -> (f64, f64) {
         let omega = self.natural_frequency_rad_s;
         let pull = omega * omega * (self.gain_pu * current_pu - position_pu);
@@ -75,8 +73,7 @@ impl ProportionalValve {
     }
 
     /// The exact step over `step_s`.
-    #[must_use]
-    pub fn propagator(&self, step_s: f64) -> Propagator {
+    pub(crate) fn propagator(&self, step_s: f64) -> Propagator {
         let omega = self.natural_frequency_rad_s;
         let sigma = self.damping_ratio * omega;
         let square = omega * omega - sigma * sigma;
@@ -105,7 +102,6 @@ impl ProportionalValve {
 impl<T: Real> ProportionalValve<T> {
     /// Hydraulic opening `s` at a valve position, pu.
     #[inline(always)]
-    #[must_use]
     pub fn opening_pu(&self, position_pu: T) -> T {
         let shifted = position_pu - self.null_shift_pu;
         shifted - shifted.clamp(-self.overlap_pu, self.overlap_pu)
@@ -113,7 +109,6 @@ impl<T: Real> ProportionalValve<T> {
 
     /// Flow towards the control chamber at a hydraulic opening, and its slope against the chamber's pressure.
     #[inline(always)]
-    #[must_use]
     pub fn flow(&self, opening_pu: T, control_pressure_pa: T, supply_pa: T, return_pa: T) -> Flow<T> {
         let zero = opening_pu.like(0.0);
         let fills = opening_pu.ge(zero);

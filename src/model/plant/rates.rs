@@ -6,7 +6,6 @@ use crate::state::State;
 /// Rate of change of every state under a drive that holds.
 ///
 /// At a stop a speed into it counts as zero. The units are the state's per second.
-#[must_use]
 pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     let supply = &plant.supply;
     let return_pa = supply.return_pressure_pa;
@@ -76,7 +75,6 @@ pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
 pub type Rates = fn(&Plant, &State, &Drive) -> State;
 
 /// The same of the servomotor alone, with pilot valve and spool at given positions.
-#[must_use]
 pub(crate) fn piston_rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     State {
         pilot_position_pu: 0.0,

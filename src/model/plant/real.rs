@@ -55,7 +55,6 @@ pub trait Real:
     /// Whether it is less than another or equal.
     fn le(self, other: Self) -> Self::Mask;
     /// The first number where a mask holds, the second elsewhere.
-    #[must_use]
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
     /// Whether it is greater than another.
@@ -86,7 +85,6 @@ pub trait Truth<T: Real<Mask = Self>>: Copy + BitAnd<Output = Self> + BitOr<Outp
 
     /// The first result where the mask holds, the second elsewhere; a result that no lane uses is not computed.
     #[inline(always)]
-    #[must_use]
     fn either<R: Lanewise<T>>(self, yes: impl FnOnce() -> R, no: impl FnOnce() -> R) -> R {
         if self.all() {
             yes()
@@ -116,7 +114,6 @@ pub(crate) use either;
 /// What can be chosen lane by lane.
 pub trait Lanewise<T: Real> {
     /// The first where a mask holds, the second elsewhere.
-    #[must_use]
     fn choose(mask: T::Mask, yes: Self, no: Self) -> Self;
 }
 

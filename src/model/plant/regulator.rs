@@ -30,7 +30,6 @@ pub struct Regulator {
 
 impl Regulator {
     /// From the sheet.
-    #[must_use]
     pub fn new(p: &parameters::Regulator) -> Self {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1, and a cast saturates")]
         let ticks_per_large_loop = (p.large_loop_period_s / p.small_loop_period_s).round().max(1.0) as u64;
@@ -45,47 +44,41 @@ impl Regulator {
     }
 
     /// Period of the small loop, s.
-    #[must_use]
     pub fn small_loop_period_s(&self) -> f64 {
         self.p.small_loop_period_s
     }
 
     /// Period of the large loop on the sheet, s.
-    #[must_use]
     pub fn large_loop_period_s(&self) -> f64 {
         self.p.large_loop_period_s
     }
 
     /// Whole ticks between two runs of the large loop on the sheet.
-    #[must_use]
-    pub fn ticks_per_large_loop(&self) -> usize {
+    pub(crate) fn ticks_per_large_loop(&self) -> usize {
         usize::try_from(self.ticks_per_large_loop).unwrap_or(usize::MAX)
     }
 
     /// After how many ticks the large loop runs again, each time; `None` where its instants lie between ticks.
-    #[must_use]
-    pub fn whole_ticks(&self) -> Option<u64> {
+    pub(crate) fn whole_ticks(&self) -> Option<u64> {
         (self.lengthened_ticks_count == 0.0 || self.dither_pu > 0.0).then_some(self.ticks_per_large_loop)
     }
 
     /// Lengthens the large loop's period, which then need not be a whole number of ticks.
-    pub fn lengthen_large_loop(&mut self, by_s: f64) {
+    pub(crate) fn lengthen_large_loop(&mut self, by_s: f64) {
         let ticks = self.lengthened_ticks_count.max(self.ticks_per_large_loop as f64);
         self.lengthened_ticks_count = ticks + (by_s / self.p.small_loop_period_s).max(0.0);
     }
 
     /// How often the large loop would run on the sheet while it runs once; above 1 where the twin is a mean and the loop slowed, which then
     /// keeps the sheet's instants, and what it demands is a mean over these runs.
-    #[must_use]
-    pub fn runs_per_hold_count(&self) -> f64 {
+    pub(crate) fn runs_per_hold_count(&self) -> f64 {
         let mean = if self.dither_pu > 0.0 { self.lengthened_ticks_count } else { 0.0 };
         (mean / self.ticks_per_large_loop as f64).max(1.0)
     }
 
     /// Share of a tick that passes before the large loop runs in it; `None` where it does not run.
     #[inline]
-    #[must_use]
-    pub fn large_loop_share(&self, tick: u64) -> Option<f64> {
+    pub(crate) fn large_loop_share(&self, tick: u64) -> Option<f64> {
         if self.lengthened_ticks_count == 0.0 || self.dither_pu > 0.0 {
             return tick.is_multiple_of(self.ticks_per_large_loop).then_some(0.0);
         }
@@ -96,13 +89,11 @@ impl Regulator {
     }
 
     /// The dead band on the servomotor error, pu: lower and upper edge.
-    #[must_use]
-    pub fn deadband_pu(&self) -> (f64, f64) {
+    pub(crate) fn deadband_pu(&self) -> (f64, f64) {
         (self.p.deadband_lower_pu, self.p.deadband_upper_pu)
     }
 
     /// What the large loop demands at the edge of the dead band, mean of both sides, pu.
-    #[must_use]
     pub fn deadband_step_pu(&self) -> f64 {
         let p = &self.p;
         let (up, down) = (
@@ -114,7 +105,6 @@ impl Regulator {
 
     /// The large loop: spool demand `u_y`, pu.
     #[inline]
-    #[must_use]
     pub fn spool_command_pu(&self, command_pu: f64, servomotor_reading_pu: f64) -> f64 {
         let e = self.command_gain * command_pu - servomotor_reading_pu;
         let u_c = if e >= self.p.deadband_upper_pu {
@@ -132,8 +122,7 @@ impl Regulator {
     /// With `n ~ N(0, σ²)` on the error, `a = (e − Z_u)/σ`, `b = (Z_l − e)/σ`: each branch of the law contributes
     /// `(K1 e + C) Φ ± K1 σ φ` to the mean, and its square likewise. Noise smooths the dead band as dither does
     /// (Gelb & Vander Velde 1968, *Multiple-Input Describing Functions*, section 7.2); the limits act on the mean.
-    #[must_use]
-    pub fn dithered_command_pu(&self, command_pu: f64, servomotor_reading_pu: f64) -> (f64, f64) {
+    pub(crate) fn dithered_command_pu(&self, command_pu: f64, servomotor_reading_pu: f64) -> (f64, f64) {
         let sigma = self.dither_pu;
         let e = self.command_gain * command_pu - servomotor_reading_pu;
         let gain = self.p.position_gain;
@@ -163,8 +152,7 @@ impl Regulator {
 
     /// The small loop.
     #[inline(always)]
-    #[must_use]
-    pub fn small_loop(&self) -> SmallLoop {
+    pub(crate) fn small_loop(&self) -> SmallLoop {
         SmallLoop {
             gain: self.p.spool_gain,
             spool_reference_pu: self.p.spool_reference_pu,
@@ -175,14 +163,12 @@ impl Regulator {
 
     /// The small loop: valve current `u`, pu.
     #[inline]
-    #[must_use]
     pub fn valve_current_pu(&self, spool_command_pu: f64, spool_reading_pu: f64) -> f64 {
         self.small_loop().valve_current_pu(spool_command_pu, spool_reading_pu)
     }
 
     /// The spool reading at which the small loop rests with this current, pu.
-    #[must_use]
-    pub fn resting_reading_pu(&self, spool_command_pu: f64, valve_current_pu: f64) -> f64 {
+    pub(crate) fn resting_reading_pu(&self, spool_command_pu: f64, valve_current_pu: f64) -> f64 {
         spool_command_pu - self.p.spool_reference_pu
             + (self.p.current_reference_pu - valve_current_pu) / self.p.spool_gain
     }
@@ -190,7 +176,7 @@ impl Regulator {
 
 /// The regulator's small loop, of one unit or of several in lanes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SmallLoop<T = f64> {
+pub(crate) struct SmallLoop<T = f64> {
     gain: T,
     spool_reference_pu: T,
     current_reference_pu: T,
@@ -202,8 +188,7 @@ abreast!(SmallLoop { gain, spool_reference_pu, current_reference_pu, current_lim
 impl<T: Real> SmallLoop<T> {
     /// Valve current `u`, pu.
     #[inline(always)]
-    #[must_use]
-    pub fn valve_current_pu(&self, spool_command_pu: T, spool_reading_pu: T) -> T {
+    pub(crate) fn valve_current_pu(&self, spool_command_pu: T, spool_reading_pu: T) -> T {
         let off_pu = spool_command_pu - spool_reading_pu - self.spool_reference_pu;
         (self.gain * off_pu + self.current_reference_pu).clamp(-self.current_limit_pu, self.current_limit_pu)
     }

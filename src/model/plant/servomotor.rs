@@ -65,7 +65,6 @@ abreast!(Servomotor {
 
 impl Servomotor {
     /// From the sheet.
-    #[must_use]
     pub fn new(p: &parameters::Servomotor, oil: &parameters::Oil) -> Self {
         Self {
             opening_area_m2: p.opening_area_m2,
@@ -90,36 +89,31 @@ impl Servomotor {
 impl<T: Real> Servomotor<T> {
     /// What the transducer shows at a position, pu.
     #[inline(always)]
-    #[must_use]
     pub fn reading_pu(&self, position_m: T) -> T {
         position_m / self.stroke_m + self.reading_bias_pu
     }
 
     /// Guide-vane load towards closing, N.
     #[inline(always)]
-    #[must_use]
     pub fn load_n(&self, position_m: T) -> T {
         self.load_closed_n + self.load_slope_n * position_m / self.stroke_m
     }
 
     /// Volume that one Pa more compresses in the opening chamber, m³/Pa.
     #[inline(always)]
-    #[must_use]
-    pub fn opening_compliance_m3_pa(&self, position_m: T) -> T {
+    pub(crate) fn opening_compliance_m3_pa(&self, position_m: T) -> T {
         (self.dead_volume_m3 + self.opening_area_m2 * position_m) * self.compressibility_1_pa
     }
 
     /// Volume that one Pa more compresses in the closing chamber, m³/Pa.
     #[inline(always)]
-    #[must_use]
-    pub fn closing_compliance_m3_pa(&self, position_m: T) -> T {
+    pub(crate) fn closing_compliance_m3_pa(&self, position_m: T) -> T {
         (self.dead_volume_m3 + self.closing_area_m2 * (self.stroke_m - position_m)) * self.compressibility_1_pa
     }
 
     /// How far a force into the end stop that the piston touches bends it, m.
     #[inline(always)]
-    #[must_use]
-    pub fn stop_yield_m(&self, position_m: T, opening_pa: T, closing_pa: T) -> T {
+    pub(crate) fn stop_yield_m(&self, position_m: T, opening_pa: T, closing_pa: T) -> T {
         let zero = position_m.like(0.0);
         let off = position_m.gt(zero) & position_m.lt(self.stroke_m);
         either!(off | self.stop_compliance_m_n.is(0.0), zero, {
@@ -132,7 +126,6 @@ impl<T: Real> Servomotor<T> {
 
     /// Damping at a position and speed, the cushion's included, N s/m.
     #[inline(always)]
-    #[must_use]
     pub fn damping_n_s_m(&self, position_m: T, velocity_m_s: T, viscosity: T) -> T {
         let viscous = self.viscous_damping_n_s_m * viscosity;
         let outside = velocity_m_s.ge(viscosity.like(0.0)) | position_m.ge(self.cushion_length_m);

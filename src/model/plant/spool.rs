@@ -80,7 +80,6 @@ abreast!(Spool {
 
 impl Spool {
     /// From the sheet.
-    #[must_use]
     pub fn new(p: &parameters::DistributingValve, oil: &parameters::Oil) -> Self {
         Self {
             mass_kg: p.spool_mass_kg,
@@ -109,14 +108,12 @@ impl Spool {
 impl<T: Real> Spool<T> {
     /// What the transducer shows at a position, pu.
     #[inline(always)]
-    #[must_use]
     pub fn reading_pu(&self, position_m: T) -> T {
         self.reading_gain * position_m / self.reference_stroke_m + self.reading_bias_pu
     }
 
     /// The position at which the transducer shows a reading, m.
     #[inline(always)]
-    #[must_use]
     pub fn position_m(&self, reading_pu: T) -> T {
         (reading_pu - self.reading_bias_pu) / self.reading_gain * self.reference_stroke_m
     }
@@ -125,7 +122,6 @@ impl<T: Real> Spool<T> {
     ///
     /// Free air follows the isothermal gas law (Merritt 1967, section 2.4).
     #[inline(always)]
-    #[must_use]
     pub fn compliance_m3_pa(&self, position_m: T, pressure_pa: T) -> T {
         let volume_m3 = self.control_volume_m3 + self.control_area_m2 * position_m;
         volume_m3 * compressibility_1_pa(self.compressibility_1_pa, self.free_air_share, pressure_pa)
@@ -139,23 +135,20 @@ impl<T: Real> Spool<T> {
 
     /// Net leakage into the chamber, m³/s.
     #[inline(always)]
-    #[must_use]
-    pub fn leakage_m3_s(&self, pressure_pa: T, supply_pa: T, return_pa: T) -> T {
+    pub(crate) fn leakage_m3_s(&self, pressure_pa: T, supply_pa: T, return_pa: T) -> T {
         self.leakage_m3_s_pa * (supply_pa - pressure_pa) + self.return_leakage_m3_s_pa * (return_pa - pressure_pa)
     }
 
     /// Force of the chambers, the weight and the spring, N, + opens.
     #[inline(always)]
-    #[must_use]
-    pub fn static_force_n(&self, position_m: T, pressure_pa: T, supply_pa: T) -> T {
+    pub(crate) fn static_force_n(&self, position_m: T, pressure_pa: T, supply_pa: T) -> T {
         pressure_pa * self.control_area_m2 - supply_pa * self.constant_area_m2 + self.weight_n
             - self.spring_force_n(position_m)
     }
 
     /// How far a force into the stop that the spool touches bends it, m; the chambers' quasi-steady force counts.
     #[inline(always)]
-    #[must_use]
-    pub fn stop_yield_m(&self, position_m: T, pressure_pa: T, supply_pa: T) -> T {
+    pub(crate) fn stop_yield_m(&self, position_m: T, pressure_pa: T, supply_pa: T) -> T {
         let zero = position_m.like(0.0);
         let off = position_m.gt(self.stroke_min_m) & position_m.lt(self.stroke_max_m);
         either!(off | self.stop_compliance_m_n.is(0.0), zero, {
@@ -166,16 +159,14 @@ impl<T: Real> Spool<T> {
     }
 
     /// Control-chamber pressure that balances the forces at rest, Pa.
-    #[must_use]
-    pub fn balance_pressure_pa(&self, position_m: T, supply_pa: T) -> T {
+    pub(crate) fn balance_pressure_pa(&self, position_m: T, supply_pa: T) -> T {
         -self.static_force_n(position_m, position_m.like(0.0), supply_pa) / self.control_area_m2
     }
 }
 
 /// Inverse bulk modulus of oil with free air, 1/Pa.
 #[inline(always)]
-#[must_use]
-pub fn compressibility_1_pa<T: Real>(oil_1_pa: T, free_air_share: T, pressure_pa: T) -> T {
+pub(crate) fn compressibility_1_pa<T: Real>(oil_1_pa: T, free_air_share: T, pressure_pa: T) -> T {
     either!(free_air_share.is(0.0), oil_1_pa, {
         let absolute_pa = (pressure_pa + ATMOSPHERE_PA).max(pressure_pa.like(0.1 * ATMOSPHERE_PA));
         oil_1_pa + free_air_share * ATMOSPHERE_PA / (absolute_pa * absolute_pa)

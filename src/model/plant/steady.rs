@@ -11,7 +11,6 @@ use crate::state::State;
 /// supply pressure: with the ports closed the sum of the two pressures is free, and this is the value that
 /// equal leakage past both edges leaves. With the spool off neutral the piston moves at the speed at
 /// which ports and load balance.
-#[must_use]
 pub fn steady(plant: &Plant, servomotor_position_m: f64, spool_position_m: Option<f64>, drive: &Drive) -> State {
     let (spool, servo, supply) = (&plant.spool, &plant.servomotor, &plant.supply);
     let supply_pa = drive.tank_pressure_pa;

@@ -32,7 +32,6 @@ abreast!(Supply { return_pressure_pa, line_root, return_root, cold_excess, warmi
 
 impl Supply {
     /// From the sheet: no losses in lines.
-    #[must_use]
     pub fn new(p: &parameters::Oil) -> Self {
         Self {
             return_pressure_pa: p.return_pressure_pa,
@@ -47,7 +46,6 @@ impl Supply {
 impl<T: Real> Supply<T> {
     /// Viscosity over the sheet's: `1 + c e^(−t/τ)` for oil that starts cold and warms.
     #[inline(always)]
-    #[must_use]
     pub fn viscosity(&self, time_s: f64) -> T {
         let warm = self.cold_excess.is(0.0);
         let one = self.cold_excess.like(1.0);
@@ -56,7 +54,6 @@ impl<T: Real> Supply<T> {
 
     /// Pressure at the valve while the servomotor draws `drawn_m3_s`, Pa.
     #[inline(always)]
-    #[must_use]
     pub fn pressure_pa(&self, tank_pressure_pa: T, drawn_m3_s: T) -> T {
         let root = self.line_root * drawn_m3_s;
         tank_pressure_pa - root * root.abs()

@@ -64,7 +64,6 @@ impl Point {
     ];
 
     /// The name in files, with its unit.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Command => "command_pu",
@@ -145,13 +144,11 @@ impl Terms {
     }
 
     /// Numbers that all terms remember together.
-    #[must_use]
     pub fn memory_len(&self) -> usize {
         self.memory_len
     }
 
     /// Whether terms at the same points have the same places in both memories.
-    #[must_use]
     pub(crate) fn remember_like(&self, other: &Self) -> bool {
         let place = |(term, start): &(Arc<dyn Term>, usize)| (term.point(), *start);
         self.memory_len == other.memory_len && self.list.iter().map(place).eq(other.list.iter().map(place))
@@ -159,7 +156,6 @@ impl Terms {
 
     /// True when no term acts at the point.
     #[inline]
-    #[must_use]
     pub(crate) fn is_empty_at(&self, point: Point) -> bool {
         self.occupied & (1 << point as u16) == 0
     }

@@ -22,7 +22,6 @@ pub fn simulate_between(twin: &mut Twin, recording: &Recording, period_ns: i64) 
 }
 
 /// A recording with rows on a grid between slow ones, and where its own rows stand now. Added rows hold no spool.
-#[must_use]
 pub fn drawn(recording: &Recording, period_ns: i64) -> (Recording, Vec<usize>) {
     let period_ns = period_ns.max(1);
     let begin_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
@@ -80,18 +79,13 @@ fn is_added(frame: &Frame) -> bool {
 
 /// The row at a time between two others.
 fn amid(last: &Frame, next: &Frame, at_ns: i64) -> Frame {
-    let share = share(at_ns - last.time_ns, next.time_ns - last.time_ns);
+    let share = (at_ns - last.time_ns) as f64 / (next.time_ns - last.time_ns) as f64;
     let straight = |from: f64, to: f64| if to.is_finite() { from + share * (to - from) } else { from };
     let mut inputs = last.inputs;
     inputs.opening_command_pu = straight(last.inputs.opening_command_pu, next.inputs.opening_command_pu);
     inputs.tank_pressure_pa = straight(last.inputs.tank_pressure_pa, next.inputs.tank_pressure_pa);
     let servomotor_position_pu = straight(last.measured.servomotor_position_pu, next.measured.servomotor_position_pu);
     Frame { time_ns: at_ns, inputs, measured: Signals { servomotor_position_pu, ..Signals::NONE } }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "a share of a pause")]
-fn share(part_ns: i64, whole_ns: i64) -> f64 {
-    part_ns as f64 / whole_ns as f64
 }
 
 #[cfg(test)]

@@ -18,7 +18,6 @@ pub struct RecordingGroup {
 
 impl RecordingGroup {
     /// The figures of a signal.
-    #[must_use]
     pub fn of(&self, signal: Signal) -> Option<&SignalFigures> {
         self.signals.iter().find(|figures| figures.name == signal.id())
     }

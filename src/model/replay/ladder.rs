@@ -37,7 +37,6 @@ pub struct Ladder {
 
 impl Rung {
     /// Mean absolute error of a process, or overall; the coefficient's unit is the signal's.
-    #[must_use]
     pub fn mae(&self, process: Option<Process>, signal: Signal) -> Option<f64> {
         let group = match process {
             Some(process) => self.processes.iter().find(|group| group.process == Some(process.id()))?,
@@ -53,20 +52,17 @@ impl Rung {
 
 impl Ladder {
     /// A ladder with its findings.
-    #[must_use]
     pub fn new(signal: Signal, rungs: Vec<Rung>) -> Self {
         let findings = Process::ALL.into_iter().filter_map(|process| finding(signal, &rungs, process)).collect();
         Self { signal: signal.id(), rungs, findings }
     }
 
     /// The signal that is evaluated.
-    #[must_use]
     pub fn judged(&self) -> Signal {
-        Signal::ALL.into_iter().find(|signal| signal.id() == self.signal).unwrap_or(Signal::SpoolPosition)
+        Signal::with_id(self.signal).unwrap_or(Signal::SpoolPosition)
     }
 
     /// The processes that occur, in their usual order.
-    #[must_use]
     pub fn processes(&self) -> Vec<Process> {
         let first = self.rungs.first();
         let occurs = |process: &Process| {

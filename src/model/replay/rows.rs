@@ -137,7 +137,6 @@ impl<'a> Replaying<'a> {
     }
 
     /// The replay of all rows.
-    #[must_use]
     pub fn finish(self, name: &str) -> Replayed {
         let Self { mut simulator, mut gathered } = self;
         simulator.finish(&mut |frame, estimate| gathered.take(frame, estimate));

@@ -64,7 +64,6 @@ pub struct Split<T = f64> {
 
 impl Split {
     /// Prepares the steps for ticks of `tick_s`: whole spool steps of at most `max_step_s`, one piston step.
-    #[must_use]
     pub fn new(plant: &Plant, tick_s: f64, max_step_s: f64) -> Self {
         let (count, step_s) = steps(tick_s, max_step_s);
         Self {
@@ -80,7 +79,6 @@ impl Split {
 
 impl Split {
     /// Whether the steps of another plant are as long as these.
-    #[must_use]
     pub(crate) fn is_as_long_as(&self, other: &Self) -> bool {
         self.count == other.count && self.step_s == other.step_s && self.tick_s == other.tick_s
     }
@@ -88,7 +86,6 @@ impl Split {
 
 impl<T: Wide> Split<T> {
     /// The steps of several plants in as many lanes as `zero` has; the last fills what lanes are left. `None` where they differ in length.
-    #[must_use]
     pub(crate) fn abreast(splits: &[&Split], zero: T) -> Option<Self> {
         let first = splits.first()?;
         if !splits.iter().all(|other| other.is_as_long_as(first)) {

@@ -91,7 +91,6 @@ impl KeptRows {
 }
 
 /// Whether twins can go side by side: the default method, equal ticks, and the same cut.
-#[must_use]
 pub fn fit(twins: &[Twin]) -> bool {
     let Some(first) = twins.first() else { return false };
     let Solver::Split(steps) = &first.solver else { return false };

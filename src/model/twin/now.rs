@@ -1,7 +1,7 @@
 //! What changes from tick to tick: inputs in force, the demand on the spool, the state, of one twin or of several in lanes.
 
 use crate::frame::{EsvState, Frame, Inputs, Signals};
-use crate::plant::lanes::{Abreast, Wide, abreast, apart};
+use crate::plant::lanes::{Abreast, Wide, apart};
 use crate::plant::real::Real;
 use crate::state::State;
 
@@ -16,21 +16,20 @@ pub(super) struct Acting<T = f64> {
     pub piston_force_n: T,
 }
 
-abreast!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa, piston_force_n });
 apart!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa, piston_force_n });
 
 impl Acting {
     /// Takes the finite ones of new inputs; the others keep their values.
     pub(super) fn renew(&mut self, new: &Inputs) {
         self.esv_opening_pu = esv_opening_pu(new.esv);
-        if new.opening_command_pu.is_finite() {
-            self.opening_command_pu = new.opening_command_pu;
-        }
-        if new.tank_pressure_pa.is_finite() {
-            self.tank_pressure_pa = new.tank_pressure_pa;
-        }
-        if new.piston_force_n.is_finite() {
-            self.piston_force_n = new.piston_force_n;
+        for (own, new) in [
+            (&mut self.opening_command_pu, new.opening_command_pu),
+            (&mut self.tank_pressure_pa, new.tank_pressure_pa),
+            (&mut self.piston_force_n, new.piston_force_n),
+        ] {
+            if new.is_finite() {
+                *own = new;
+            }
         }
     }
 }
@@ -47,7 +46,6 @@ pub(super) struct Demand<T = f64> {
     pub sd_pu: T,
 }
 
-abreast!(Demand { spool_command_pu, sd_pu });
 apart!(Demand { spool_command_pu, sd_pu });
 
 /// The state from tick to tick, besides the memories of terms and the large loop.

@@ -121,7 +121,7 @@ pub(super) fn large_loop(
 pub(super) fn tick<T: Real>(chain: &mut impl Chain<T>, setting: Setting, now: &mut Now<T>, next: &Frame) {
     let Setting { cut, tick_ns, tick_s, .. } = setting;
     let zero = now.servomotor_reading_pu.like(0.0);
-    let time_s = seconds_from_ticks(now.ticks, tick_s);
+    let time_s = now.ticks as f64 * tick_s;
     let spool_reading_pu = match cut {
         Cut::Spool => zero.like(standing_in_pu(now.measured.spool_position_pu, now.measured_ns, next, now.time_ns)),
         Cut::None | Cut::Servomotor => spool_reading_pu(&chain.blocks(), &now.state, now.inputs.tank_pressure_pa, 0.0),
@@ -175,9 +175,4 @@ pub(super) fn tick<T: Real>(chain: &mut impl Chain<T>, setting: Setting, now: &m
     now.inputs = now.coming;
     let reading_pu = piston_reading_pu(&chain.blocks(), &now.state, 0.0);
     now.servomotor_reading_pu = chain.apply(Point::ServomotorReading, reading_pu, &seen);
-}
-
-#[expect(clippy::cast_precision_loss, reason = "2^53 ticks are 285,000 years")]
-fn seconds_from_ticks(ticks: u64, tick_s: f64) -> f64 {
-    ticks as f64 * tick_s
 }

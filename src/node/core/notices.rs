@@ -40,7 +40,6 @@ impl Notices {
     }
 
     /// Whether `other` is among them.
-    #[must_use]
     pub fn has(self, other: Self) -> bool {
         self.0 & other.0 != 0
     }

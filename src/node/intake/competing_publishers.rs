@@ -10,7 +10,7 @@ const MOST_SENDERS: usize = 8;
 
 /// The senders of one input that spoke lately.
 #[derive(Clone, Debug, Default)]
-pub struct CompetingPublishers<Sender> {
+pub(crate) struct CompetingPublishers<Sender> {
     lately: Vec<Heard<Sender>>,
     told: bool,
 }

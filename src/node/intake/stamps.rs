@@ -15,7 +15,7 @@ const BURST: u32 = 5;
 
 /// The stamps of one input.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct StampWatch {
+pub(crate) struct StampWatch {
     newest_ns: i64,
     since_ns: i64,
     samples: u32,

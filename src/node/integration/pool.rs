@@ -23,7 +23,6 @@ const BLOCKED: Duration = Duration::from_micros(200);
 
 /// Runs these loops until `stop`, or until the fail-safe or a caller ends one of them; wakes `listener` when there are results.
 /// Returns what each counted, in their order.
-#[must_use]
 pub fn run(mut loops: Vec<Integrator>, stop: &AtomicBool, listener: &Thread) -> Vec<Stats> {
     for one in loops.iter_mut().filter(|one| one.pace.time == TimeSource::Wall) {
         one.restart_at(wall_ns());

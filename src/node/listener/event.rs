@@ -17,7 +17,7 @@ const ROOM: usize = 16_384;
 
 /// What the other threads tell the supervisor.
 #[derive(Debug, Clone)]
-pub enum NodeEvent {
+pub(crate) enum NodeEvent {
     /// A result worth keeping or telling.
     Output(Box<TickOutput>),
     /// Words for people.
@@ -36,14 +36,14 @@ struct Aside {
 
 /// The end that tells.
 #[derive(Debug, Clone)]
-pub struct Teller {
+pub(crate) struct Teller {
     queue: SyncSender<NodeEvent>,
     aside: Arc<Aside>,
 }
 
 /// The end that takes.
 #[derive(Debug)]
-pub struct Taker {
+pub(crate) struct Taker {
     queue: Receiver<NodeEvent>,
     aside: Arc<Aside>,
 }

@@ -36,7 +36,7 @@ impl Domain {
 }
 
 /// A value as a person would write it.
-pub fn words_of(value: &ParameterValue) -> String {
+pub(crate) fn words_of(value: &ParameterValue) -> String {
     match value {
         ParameterValue::NotSet => "nothing".to_owned(),
         ParameterValue::Boolean(value) => value.to_string(),

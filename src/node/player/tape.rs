@@ -56,7 +56,6 @@ impl Tape {
     }
 
     /// Log times of the first and the last message of the bag, the last within the length to be played, ns.
-    #[must_use]
     pub fn span_ns(&self) -> (i64, i64) {
         self.span_ns
     }

@@ -34,13 +34,13 @@ const CYCLONE_LEN: usize = 16;
 
 /// To whom a response goes.
 #[derive(Clone, Copy, Debug)]
-pub struct Caller {
+pub(crate) struct Caller {
     request: SampleIdentity,
     cyclone: Option<[u8; CYCLONE_LEN]>,
 }
 
 /// The server of one service.
-pub struct Calls {
+pub(crate) struct Calls {
     // Dropped in this order.
     requests: Subscription<Encoded>,
     responses: ListedWriter,

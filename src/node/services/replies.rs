@@ -11,7 +11,7 @@ use super::super::integration::ANSWERS;
 type Reply<'a> = Box<dyn FnOnce(Answer) + Send + 'a>;
 
 /// The callers who wait, and the state that the last answer left. One thread takes callers in, another one answers them.
-pub struct Replies<'a> {
+pub(crate) struct Replies<'a> {
     waiting: Mutex<BTreeMap<Ticket, Reply<'a>>>,
     next: AtomicU64,
     state: AtomicU8,

@@ -28,7 +28,7 @@ const MOST_STEPS: u64 = 1_000_000_000;
 const FOLLOWS: &str = "this node follows /clock (use_sim_time): whoever publishes it stops and steps the simulation";
 
 /// The services.
-pub struct SimulationServices {
+pub(crate) struct SimulationServices {
     time: TimeSource,
     features: Calls,
     get: Calls,

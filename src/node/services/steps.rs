@@ -32,7 +32,7 @@ const MOST_WAITING: usize = 64;
 const FEEDBACK_NS: i64 = 50_000_000;
 
 /// The action's services and topics.
-pub struct StepsAction {
+pub(crate) struct StepsAction {
     time: TimeSource,
     goal: Calls,
     cancel: Calls,

@@ -17,7 +17,7 @@ use govtwin_bag::msg::upkeep::{
 const LEVELS: [(u8, &str); 5] = [(10, "debug"), (20, "info"), (30, "warn"), (40, "error"), (50, "fatal")];
 
 /// The services.
-pub struct UpkeepServices {
+pub(crate) struct UpkeepServices {
     logger: String,
     get_levels: Calls,
     set_levels: Calls,

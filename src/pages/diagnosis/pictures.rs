@@ -2,6 +2,7 @@
 
 use crate::ink::Ink;
 use crate::picture::{Mark, MarkShape, Panel, Picture};
+use crate::scale;
 use govtwin_diagnosis::result::{Breakdown, Diagnosis, DiscrepancyTerm, SignalGap, Verdict};
 use govtwin_diagnosis::words::{id_words, is_judged, stage_title};
 use govtwin_model::signal::Signal;
@@ -19,7 +20,7 @@ fn height(bars: usize) -> u32 {
 /// RMS errors of the twins, a panel for each signal.
 pub(crate) fn residuals(diagnosis: &Diagnosis, explained: bool) -> Picture {
     let panel = |gap: &SignalGap| {
-        let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
+        let (scale, unit) = scale(gap.signal);
         let mut steps = vec![(diagnosis.setup.sheet_title(), gap.delivered), ("recalibrated", gap.refitted)];
         if explained {
             steps.push(("with faults", gap.with_effects));
@@ -43,14 +44,12 @@ fn noise(at: f64) -> Mark {
 }
 
 /// Lying bars of half the width, so that those below them show where they are shorter too.
-#[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
 fn slim(values: &[f64]) -> Mark {
     let blocks = values.iter().enumerate().map(|(i, &value)| [0.0, value, i as f64 - 0.2, i as f64 + 0.2]);
     Mark { opacity: 1.0, ..Mark::new(MarkShape::Blocks(blocks.collect()), Ink::Simulated, "with faults") }
 }
 
 /// Shares as lying bars with their percentages beside them.
-#[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
 fn shares(title: &str, ink: Ink, bars: &[(String, f64)]) -> Panel {
     let values: Vec<f64> = bars.iter().rev().map(|(_, share)| 100.0 * share).collect();
     let word = |(i, value): (usize, &f64)| {

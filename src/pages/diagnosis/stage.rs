@@ -14,7 +14,6 @@ pub(crate) fn fitted_stage(diagnosis: &Diagnosis) -> Option<String> {
 }
 
 /// Value, interval and unit of a figure of a fitted stage.
-#[must_use]
 pub fn figure_text(one: &StageFigure) -> String {
     let Interval { value, low, high } = one.value;
     let [value, low, high] = [value, low, high].map(|number| significant(number, 3));

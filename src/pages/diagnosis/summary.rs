@@ -8,7 +8,6 @@ use govtwin_diagnosis::words::{place, probability, values};
 use govtwin_model::number::significant;
 
 /// The verdict in plain text, a few lines for a terminal of so many columns.
-#[must_use]
 pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
     let mut text = String::new();
     for words in answers::leads(diagnosis) {

@@ -1,13 +1,13 @@
 //! The tables of a diagnosis.
 
 use crate::diagnosis::stage::{model_title, parameter_text};
+use crate::scale;
 use crate::table::Table;
 use govtwin_diagnosis::result::{Diagnosis, Fitted, StageOnly};
 use govtwin_diagnosis::words::{
     id_words, is_judged, key_words, parameter_words, percent, percents, probability, shown_unit, value, values,
 };
 use govtwin_model::number::{fixed, quantity, significant};
-use govtwin_model::signal::Signal;
 
 /// Mean square beyond the noise, over that of the noise, below which only noise remains after recalibration.
 const NEXT_TO_NOTHING: f64 = 0.05;
@@ -23,7 +23,7 @@ pub(crate) fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
         table = table.numbers("explained");
     }
     for gap in diagnosis.gap.iter().filter(|gap| is_judged(gap)) {
-        let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
+        let (scale, unit) = scale(gap.signal);
         let mut steps = vec![gap.delivered, gap.refitted];
         steps.extend(explained.then_some(gap.with_effects));
         steps.push(gap.noise_floor);
@@ -280,7 +280,7 @@ pub(crate) fn channels(diagnosis: &Diagnosis) -> Table {
         .words("unit")
         .words("remarks");
     for one in &diagnosis.channels {
-        let (scale, unit) = if one.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
+        let (scale, unit) = scale(one.signal);
         table.row([
             one.recording.clone(),
             one.signal.title().to_lowercase(),

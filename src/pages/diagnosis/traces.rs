@@ -78,7 +78,6 @@ pub(crate) fn worst_stretch(time_s: &[f64], squares: &[f64], length_s: f64) -> O
 
 /// The traces as a report keeps them: all by name, and the curves of the one with most of the error, each row of its worst stretch and few
 /// of the rest.
-#[must_use]
 pub fn kept(traces: &[Trace]) -> Vec<Trace> {
     let most = traces.iter().enumerate().max_by(|(_, a), (_, b)| gap(a).total_cmp(&gap(b))).map(|(at, _)| at);
     let one = |(at, trace): (usize, &Trace)| {

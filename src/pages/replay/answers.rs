@@ -58,7 +58,7 @@ fn farthest(summary: &ReplaySummary) -> String {
     let not_why = "A replay shows how much twin and unit differ, not why";
     let judged = POSITIONS.into_iter().find(|(signal, ..)| rmse(&summary.overall, *signal).is_some());
     let known = summary.processes.iter().filter_map(|group| {
-        let process = Process::ALL.into_iter().find(|process| Some(process.id()) == group.process)?;
+        let process = Process::with_id(group.process?)?;
         Some((process, group, rmse(group, judged?.0)?))
     });
     let Some((process, group, _)) = known.max_by(|a, b| a.2.total_cmp(&b.2)) else { return format!("{not_why}.") };

@@ -62,7 +62,6 @@ pub enum Beside<'a> {
 
 impl Pictures {
     /// Draws them, beside another unit or a learned residual on the same recording if one is given.
-    #[must_use]
     pub fn draw(replayed: &Replayed, beside: Option<Beside<'_>>, sensors: &Sensors) -> Self {
         let curves = Curves::new(replayed, beside);
         let window_s = replayed.recording.duration_s() > LONG_S;
@@ -100,7 +99,6 @@ impl Pictures {
 }
 
 /// The stretch of two seconds in which a signal is farthest off, s from the start; the whole recording where it is not much longer.
-#[must_use]
 pub fn worst_stretch_of(replayed: &Replayed, signal: Signal) -> Option<[f64; 2]> {
     let curves = Curves::new(replayed, None);
     let squares = curves.squares(signal);

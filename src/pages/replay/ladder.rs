@@ -2,17 +2,17 @@
 
 use crate::ink::Ink;
 use crate::picture::{Panel, Picture};
+use crate::scale;
 use crate::table::Table;
 use govtwin_model::number::significant;
 use govtwin_model::recording::Process;
-use govtwin_model::replay::ladder::{Ladder, Rung};
-use govtwin_model::signal::Signal;
+use govtwin_model::replay::ladder::Ladder;
 
 /// The figures of every rung; a star marks a process that a residual was not trained on.
 pub fn ladder_table(ladder: &Ladder) -> Table {
     let signal = ladder.judged();
     let processes: Vec<Option<Process>> = ladder.processes().into_iter().map(Some).chain([None]).collect();
-    let (scale, unit) = shown(signal);
+    let (scale, unit) = scale(signal);
     let mut table = Table::new().words(format!("{}: MAE, {unit}", signal.title()));
     for process in &processes {
         table = table.numbers(process.map_or("overall", Process::title));
@@ -30,35 +30,24 @@ pub fn ladder_table(ladder: &Ladder) -> Table {
 }
 
 /// What the stars mean, where there are any.
-#[must_use]
 pub fn reason_for_stars(ladder: &Ladder) -> Option<&'static str> {
     let any = ladder.rungs.iter().any(|rung| !rung.unseen.is_empty());
     any.then_some("* left out of the residual's training.")
 }
 
 /// The rungs side by side in every process.
-#[must_use]
 pub fn ladder_picture(ladder: &Ladder) -> Picture {
     let signal = ladder.judged();
     let processes = ladder.processes();
     let inks = [Ink::Command, Ink::Measured, Ink::Good, Ink::Simulated, Ink::Extra1, Ink::Extra2, Ink::Extra3];
-    let (scale, unit) = shown(signal);
+    let (scale, unit) = scale(signal);
     let mut panel = Panel::new(format!("{}: MAE, {unit}", signal.title()))
         .height(230)
         .x_categories(processes.iter().map(|process| process.title()));
     for (k, (rung, ink)) in ladder.rungs.iter().zip(inks.into_iter().cycle()).enumerate() {
         let value = |process: &Process| scale * rung.mae(Some(*process), signal).unwrap_or(0.0);
         let values: Vec<f64> = processes.iter().map(value).collect();
-        panel = panel.bars(ink, title(rung), &values, k, ladder.rungs.len());
+        panel = panel.bars(ink, &rung.title, &values, k, ladder.rungs.len());
     }
     Picture::grid("Mean absolute error by process", 1, vec![panel])
-}
-
-/// What a signal's errors are multiplied by, and the unit that they then have.
-fn shown(signal: Signal) -> (f64, &'static str) {
-    if signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") }
-}
-
-fn title(rung: &Rung) -> &str {
-    &rung.title
 }

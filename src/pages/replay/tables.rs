@@ -14,10 +14,9 @@ use govtwin_model::replay::figures::SignalFigures;
 use govtwin_model::signal::Signal;
 
 /// Why a signal has dashes instead of figures: a cut replaces it by the recorded one.
-#[must_use]
 pub fn reason_for_dashes(summary: &ReplaySummary) -> Option<String> {
     let cut = summary.overall.signals.iter().find(|figures| figures.stands_in)?;
-    let signal = Signal::ALL.into_iter().find(|signal| signal.id() == cut.name)?;
+    let signal = Signal::with_id(cut.name)?;
     Some(format!(
         "Cut at the {}: the measured {} stands in for the simulated one, so its error is not evaluated.",
         summary.cut,
@@ -32,7 +31,7 @@ pub fn process_table(summary: &ReplaySummary) -> Table {
         table = table.numbers_of(name, "MAE, %").numbers_of(name, "RMSE, %").numbers_of(name, "R²");
     }
     for group in summary.processes.iter().chain([&summary.overall]) {
-        let process = group.process.and_then(process_of);
+        let process = group.process.and_then(Process::with_id);
         let rows = group.signals.iter().take(2).map(|figures| figures.rows).max().unwrap_or(0);
         let mut cells = vec![process.map_or("overall", Process::title).to_owned(), group.recordings.to_string()];
         cells.push(thousands(rows));
@@ -57,7 +56,7 @@ pub(crate) fn recording_table(summary: &ReplaySummary) -> Table {
     for one in &summary.recordings {
         let mut cells = vec![
             one.name.clone(),
-            process_of(one.process).map_or(one.process, Process::title).to_owned(),
+            Process::with_id(one.process).map_or(one.process, Process::title).to_owned(),
             one.rows.to_string(),
             fixed(one.duration_s, 1),
         ];
@@ -71,10 +70,6 @@ pub(crate) fn recording_table(summary: &ReplaySummary) -> Table {
 }
 
 /// The process of an id.
-fn process_of(id: &str) -> Option<Process> {
-    Process::ALL.into_iter().find(|process| process.id() == id)
-}
-
 fn figure_cells(figures: &SignalFigures) -> Vec<String> {
     vec![percent(figures.mae, 3), percent(figures.rmse, 3), r2_words(figures.r2)]
 }
@@ -85,7 +80,6 @@ pub(crate) fn r2_words(r2: f64) -> String {
 }
 
 /// A whole number with its thousands set apart.
-#[must_use]
 pub fn thousands(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -101,7 +95,8 @@ pub fn thousands(number: u64) -> String {
 /// RMSE by process, and how the differences are spread.
 pub(crate) fn errors(summary: &ReplaySummary, replayed: &[&Replayed], sensors: &Sensors) -> Picture {
     let mut panels = vec![];
-    let titles = summary.processes.iter().filter_map(|group| group.process.and_then(process_of).map(Process::title));
+    let titles =
+        summary.processes.iter().filter_map(|group| group.process.and_then(Process::with_id).map(Process::title));
     let titles: Vec<&str> = titles.collect();
     for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
         let Some(overall) = summary.overall.of(signal).filter(|f| f.rmse.is_finite()) else { continue };

@@ -6,7 +6,7 @@ use crate::benchmark::scored::{MissedBy, ScoredUnit};
 use govtwin_diagnosis::words::capital;
 
 /// The answers, each under its question.
-pub fn answers(score: &Score, cases: &[ScoredUnit]) -> [(&'static str, Vec<String>); 4] {
+pub(crate) fn answers(score: &Score, cases: &[ScoredUnit]) -> [(&'static str, Vec<String>); 4] {
     let judged = score.measures.iter().filter(|measure| measure.reached.is_some()).count();
     let reached = score.measures.iter().filter(|measure| measure.reached == Some(true)).count();
     let mut cause =
@@ -35,7 +35,6 @@ fn sentence(score: &Score, ids: &[&str]) -> Option<String> {
 }
 
 /// How many answers missed, and by what; none where nothing was missed.
-#[must_use]
 pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
     let missed = cases.iter().filter(|case| case.missed()).count();
     let by = |what: Option<MissedBy>| cases.iter().filter(|case| case.missed() && case.missed_by() == what).count();
@@ -58,7 +57,6 @@ pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
 }
 
 /// How far the search stayed behind what the true values reach, in sentences; none where no true values are known.
-#[must_use]
 pub fn regret_in_words(regret: &RegretScore) -> Option<String> {
     let share = |share: f64| format!("{} %", percent(share));
     let quantiles: Vec<String> = regret

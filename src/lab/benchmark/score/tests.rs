@@ -33,7 +33,7 @@ fn case(
         information: 1.0,
         at_bound: false,
     };
-    let verdict = Verdict::ALL.into_iter().find(|known| known.id() == verdict).unwrap();
+    let verdict = Verdict::with_id(verdict).unwrap();
     let mut report = DiagnosisReport::of_verdict(verdict);
     report.location.stage = Stage::with_id(stage);
     report.effects = blamed

@@ -5,10 +5,10 @@ use crate::comparison::summary::{ComparisonSummary, Covered, ModelFigures};
 use govtwin_model::number::{fixed, significant};
 
 /// The answers, each under its question.
-pub type Answers = [(&'static str, Vec<String>); 4];
+pub(crate) type Answers = [(&'static str, Vec<String>); 4];
 
 /// Of a comparison whose figures have this unit.
-pub fn of_comparison(summary: &ComparisonSummary, unit: &str) -> Answers {
+pub(crate) fn of_comparison(summary: &ComparisonSummary, unit: &str) -> Answers {
     let of = |id: &str| summary.models.iter().find(|model| model.id == id);
     let best = summary.ranking.first().and_then(|id| of(id));
     let twin = of("mbm");
@@ -44,7 +44,7 @@ pub fn of_comparison(summary: &ComparisonSummary, unit: &str) -> Answers {
 }
 
 /// Of a training: of the twin, and of the twin with the model as it runs.
-pub fn of_training(
+pub(crate) fn of_training(
     twin: &ModelFigures,
     with: &ModelFigures,
     name: &str,

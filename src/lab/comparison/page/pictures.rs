@@ -44,7 +44,7 @@ fn liveliest(shown: &Shown, process: Process) -> Vec<usize> {
     candidates.max_by(|a, b| lively(a).total_cmp(&lively(b))).unwrap_or_default()
 }
 
-pub fn traces(shown: &Shown) -> Picture {
+pub(crate) fn traces(shown: &Shown) -> Picture {
     let unit = shown.rows.layout.signal.unit();
     let panel = |process: Process| {
         let stretch = liveliest(shown, process);
@@ -65,7 +65,7 @@ pub fn traces(shown: &Shown) -> Picture {
 }
 
 /// A few rows around the one of each process that costs the MDHM most against the DDM.
-pub fn worst(summary: &ComparisonSummary, shown: &Shown) -> Picture {
+pub(crate) fn worst(summary: &ComparisonSummary, shown: &Shown) -> Picture {
     let panel = |one: &Broken| {
         let told = one.worst.first()?;
         let marks = &shown.rows.marks;
@@ -116,7 +116,7 @@ fn barred(summary: &ComparisonSummary) -> impl Iterator<Item = &ModelFigures> {
 }
 
 /// What of R² lies below the picture of [`bars`], as words for its caption; empty where nothing does.
-pub fn below_zero(summary: &ComparisonSummary) -> String {
+pub(crate) fn below_zero(summary: &ComparisonSummary) -> String {
     let below: Vec<String> = barred(summary)
         .flat_map(|model| model.processes.iter().filter(|one| one.score.r2 < 0.0).map(move |one| (model, one)))
         .map(|(model, one)| {
@@ -134,7 +134,7 @@ fn titles(models: &[ModelFigures]) -> Vec<&str> {
     models.first().into_iter().flat_map(|model| &model.processes).map(|one| title(one.process)).collect()
 }
 
-pub fn bars(summary: &ComparisonSummary, unit: &str) -> Picture {
+pub(crate) fn bars(summary: &ComparisonSummary, unit: &str) -> Picture {
     let models: Vec<&ModelFigures> = barred(summary).collect();
     let panel = |(name, figure): &(&str, FigureOf)| {
         let mut panel = Panel::new(with_unit(name, unit)).x_categories(titles(&summary.models));
@@ -156,8 +156,7 @@ fn residuals_of(shown: &Shown, contender: &Contender, process: Process) -> Vec<f
     rows.filter(|(mark, _)| mark.process == process).map(|(mark, estimate)| estimate - mark.measured).collect()
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
-pub fn residuals(shown: &Shown) -> Picture {
+pub(crate) fn residuals(shown: &Shown) -> Picture {
     let panel = |process: Process| {
         let mut panel = Panel::new(format!("{}: error, {}", process.title(), shown.rows.layout.signal.unit()));
         for contender in shown.of(&HYBRIDS).into_iter().rev() {
@@ -170,7 +169,7 @@ pub fn residuals(shown: &Shown) -> Picture {
     Picture::grid("Errors of the hybrids", 1, processes(shown).into_iter().map(panel).collect())
 }
 
-pub fn spreads(shown: &Shown) -> Picture {
+pub(crate) fn spreads(shown: &Shown) -> Picture {
     let panel = |process: Process| {
         let all: Vec<(&Contender, Vec<f64>)> = shown
             .of(&HYBRIDS)
@@ -203,7 +202,6 @@ fn bins_u32(bins: usize) -> u32 {
 }
 
 /// Gaussian kernel density times the width of a bar, with Silverman's bandwidth from the spread of the inner half.
-#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 fn density(values: &[f64], [from, to]: [f64; 2], bar: f64) -> Vec<[f64; 2]> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -220,7 +218,7 @@ fn density(values: &[f64], [from, to]: [f64; 2], bar: f64) -> Vec<[f64; 2]> {
     (0..=200).map(|k| from + (to - from) * f64::from(k) / 200.0).map(|x| [x, at(x)]).collect()
 }
 
-pub fn heatmap(summary: &ComparisonSummary, unit: &str) -> Picture {
+pub(crate) fn heatmap(summary: &ComparisonSummary, unit: &str) -> Picture {
     let hybrids: Vec<&ModelFigures> =
         HYBRIDS.iter().rev().filter_map(|id| summary.models.iter().find(|model| model.id == *id)).collect();
     let panel = |(name, figure): &(&str, FigureOf)| {
@@ -237,7 +235,7 @@ pub fn heatmap(summary: &ComparisonSummary, unit: &str) -> Picture {
     Picture::grid("MAE, RMSE and R² of the hybrids by process", 1, FIGURES.iter().map(panel).collect())
 }
 
-pub fn left_out(summary: &ComparisonSummary, unit: &str) -> Picture {
+pub(crate) fn left_out(summary: &ComparisonSummary, unit: &str) -> Picture {
     let unseen = &summary.left_out_process;
     let mut panel = Panel::new(format!("MAE on the process left out, {unit}"))
         .x_categories(unseen.iter().map(|one| title(one.process)))
@@ -251,7 +249,7 @@ pub fn left_out(summary: &ComparisonSummary, unit: &str) -> Picture {
     Picture::grid("A process left out of training", 1, vec![panel])
 }
 
-pub fn importance(summary: &ComparisonSummary) -> Picture {
+pub(crate) fn importance(summary: &ComparisonSummary) -> Picture {
     let strongest: Vec<_> = summary.importance.iter().take(20).rev().collect();
     let shares: Vec<f64> = strongest.iter().map(|one| one.gain_share).collect();
     let mut groups: Vec<(&str, f64)> = vec![];

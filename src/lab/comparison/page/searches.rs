@@ -54,7 +54,6 @@ fn short(value: f64) -> String {
     if value.fract() == 0.0 { fixed(value, 0) } else { significant(value, 3) }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "tens of evaluations")]
 fn numbered(values: &[f64]) -> Vec<[f64; 2]> {
     values.iter().enumerate().map(|(k, value)| [k as f64 + 1.0, *value]).collect()
 }

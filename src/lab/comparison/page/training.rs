@@ -25,7 +25,6 @@ pub struct Training<'a> {
 }
 
 /// The page.
-#[must_use]
 pub fn training_page(training: &Training) -> Page {
     let Training { signal, rows, origin, models, searches, band } = *training;
     let [teach, judge] = rows.map(|count| thousands(count as u64));

@@ -52,7 +52,7 @@ const IF: &str = "if";
 const CLAMP: &str = "clamp";
 
 /// All functions.
-pub fn functions() -> impl Iterator<Item = &'static str> {
+pub(crate) fn functions() -> impl Iterator<Item = &'static str> {
     UNARY.iter().map(|(name, _)| *name).chain(BINARY.iter().map(|(name, _)| *name)).chain([IF, CLAMP])
 }
 
@@ -90,14 +90,12 @@ impl Expression {
     }
 
     /// Whether it uses the name at this place.
-    #[must_use]
-    pub fn uses(&self, place: usize) -> bool {
+    pub(crate) fn uses(&self, place: usize) -> bool {
         self.ops.iter().any(|op| matches!(op, Op::Name(known) if *known == place))
     }
 
     /// Its value; `look` gives the value of the name at a place.
     #[inline]
-    #[must_use]
     pub fn value(&self, look: impl Fn(usize) -> f64) -> f64 {
         let mut stack = [0.0; STACK];
         let mut top = 0;

@@ -58,7 +58,6 @@ pub const VARIABLES: [Variable; 14] = [
 ];
 
 /// A place within the usual ranges, the same for the same number; 0 is at rest in the middle.
-#[must_use]
 pub fn sample(number: usize) -> [f64; VARIABLES.len()] {
     std::array::from_fn(|k| {
         let (low, high) = VARIABLES[k].usual;

@@ -7,7 +7,7 @@ use crate::plant::real::{Real, Truth};
 
 /// Two numbers side by side, each of which may be several.
 #[derive(Clone, Copy, Debug)]
-pub struct Pair<T>(pub T, pub T);
+pub(crate) struct Pair<T>(pub T, pub T);
 
 impl<T: Wide> Wide for Pair<T> {
     const COUNT: usize = 2 * T::COUNT;
@@ -25,7 +25,7 @@ impl<T: Wide> Wide for Pair<T> {
 
 /// Truth values of two numbers.
 #[derive(Clone, Copy, Debug)]
-pub struct Masks<M>(M, M);
+pub(crate) struct Masks<M>(M, M);
 
 impl<T: Real> Truth<Pair<T>> for Masks<T::Mask> {
     #[inline(always)]

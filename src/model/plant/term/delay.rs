@@ -6,7 +6,7 @@ use crate::plant::term::{Point, Term, View};
 ///
 /// Its memory is a ring of the last signals; the first number is the place of the newest.
 #[derive(Clone, Debug)]
-pub struct Delay {
+pub(crate) struct Delay {
     point: Point,
     grid_ticks: usize,
     whole_ticks: usize,
@@ -18,8 +18,7 @@ impl Delay {
     ///
     /// What is read only every `grid_ticks` needs a grid as wide, or the response does not change while the delay
     /// grows by less.
-    #[must_use]
-    pub fn new(point: Point, delay_s: f64, tick_s: f64, grid_ticks: usize) -> Self {
+    pub(crate) fn new(point: Point, delay_s: f64, tick_s: f64, grid_ticks: usize) -> Self {
         let grid_ticks = grid_ticks.max(1);
         let points = (delay_s / (tick_s * grid_ticks as f64)).clamp(0.0, 1e5);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped above")]

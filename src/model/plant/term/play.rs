@@ -7,15 +7,14 @@ use crate::plant::term::{Point, Term, View};
 
 /// A gap at a point of the chain; it starts in mid-gap.
 #[derive(Clone, Debug)]
-pub struct Play {
+pub(crate) struct Play {
     point: Point,
     half_width_pu: f64,
 }
 
 impl Play {
     /// A gap of `width_pu` in all; a width below 0 counts as 0.
-    #[must_use]
-    pub fn new(point: Point, width_pu: f64) -> Self {
+    pub(crate) fn new(point: Point, width_pu: f64) -> Self {
         Self { point, half_width_pu: (0.5 * width_pu).max(0.0) }
     }
 }

@@ -6,8 +6,8 @@
 //! introduction to observers", *IEEE Transactions on Automatic Control* 16): the pull that it takes is what the rate misses. In a free run
 //! nothing measured enters.
 
-use super::forest::Forest;
-use super::guard::Guard;
+use govtwin_correction::forest::Forest;
+use govtwin_correction::guard::Guard;
 use govtwin_model::plant::term::{Point, Term, View};
 use govtwin_model::state::State;
 
@@ -15,8 +15,7 @@ use govtwin_model::state::State;
 pub const FEATURES: usize = 8;
 
 /// The twin's own state as a row of features.
-#[must_use]
-pub fn features(state: &State, tank_pressure_pa: f64) -> [f64; FEATURES] {
+pub(crate) fn features(state: &State, tank_pressure_pa: f64) -> [f64; FEATURES] {
     [
         state.pilot_position_pu,
         state.control_pressure_pa,
@@ -30,8 +29,7 @@ pub fn features(state: &State, tank_pressure_pa: f64) -> [f64; FEATURES] {
 }
 
 /// The path's position at a time, straight from sample to sample, m; NaN for an empty path.
-#[must_use]
-pub fn at(path: &[[f64; 2]], time_s: f64) -> f64 {
+pub(crate) fn at(path: &[[f64; 2]], time_s: f64) -> f64 {
     let next = path.partition_point(|[sample_s, _]| *sample_s <= time_s);
     match (next.checked_sub(1).and_then(|before| path.get(before)), path.get(next)) {
         (Some([from_s, from_m]), Some([to_s, to_m])) => from_m + (to_m - from_m) * (time_s - from_s) / (to_s - from_s),
@@ -42,13 +40,13 @@ pub fn at(path: &[[f64; 2]], time_s: f64) -> f64 {
 
 /// Pulls the spool along a recorded path.
 #[derive(Debug)]
-pub struct Pull {
+pub(crate) struct Pull {
     /// Time since the first frame, s, and spool position, m, in the order of time.
     pub path: Vec<[f64; 2]>,
     /// The spool's control area, m².
     pub area_m2: f64,
     /// Gain K of the pull, 1/s.
-    pub pull_1_s: f64,
+    pub gain_1_s: f64,
 }
 
 impl Term for Pull {
@@ -58,13 +56,13 @@ impl Term for Pull {
 
     fn apply(&self, signal: f64, view: &View<'_>, _: &mut [f64]) -> f64 {
         let missing_m = at(&self.path, view.time_s) - view.state.spool_position_m;
-        if missing_m.is_finite() { signal + self.area_m2 * self.pull_1_s * missing_m } else { signal }
+        if missing_m.is_finite() { signal + self.area_m2 * self.gain_1_s * missing_m } else { signal }
     }
 }
 
 /// Gives the spool the rate that was learned.
 #[derive(Debug)]
-pub struct LearnedSpoolRate {
+pub(crate) struct LearnedSpoolRate {
     /// Trees over [`features`]; their output is a rate in m/s.
     pub forest: Forest,
     /// Where they know their way.
