@@ -2,7 +2,7 @@
 
 use super::impossible::Impossible;
 use super::stay::Stay;
-use super::{MOVED_PU, STILL_PU, is_pressed};
+use super::{ASKS_PU, MOVED_PU, STILL_PU, is_pressed};
 
 /// At rest so far from its command, pu, for so long, s.
 const REST_PU: f64 = 0.04;
@@ -15,7 +15,7 @@ const PLACES_SAMPLES: f64 = 20.0;
 /// Rests that lie on a straight line through the closed stop, give or take so much, pu, are those of a scaled channel.
 const ON_LINE_PU: f64 = 0.006;
 
-/// Inside of its stops a servomotor rests with a spool that stands near neutral, pu: ports overlap by some per cent, and transducers are off by 30 % at most.
+/// Inside of its stops a servomotor rests at its command with a spool that stands near neutral, pu: ports overlap by some per cent, and transducers are off by 30 % at most.
 const NEUTRAL_PU: f64 = 0.4;
 
 /// Where and when something impossible was seen.
@@ -109,7 +109,9 @@ impl Places {
         self.products += command * position;
         self.position_squares += position * position;
         self.farthest = self.farthest.max((command - position).abs());
-        if spool.is_finite() && (0.02..=0.98).contains(&position) {
+        // One that a load or a leak holds off its command stands so with an open spool.
+        let is_there = (command - position).abs() < ASKS_PU && (0.02..=0.98).contains(&position);
+        if spool.is_finite() && is_there {
             (self.spools, self.spools_pu) = (self.spools + 1.0, self.spools_pu + spool);
         }
     }
@@ -117,8 +119,7 @@ impl Places {
     /// A spool that does not stand near neutral meanwhile.
     fn open(&self) -> Option<Impossible> {
         let spool_pu = self.spools_pu / self.spools;
-        (self.spools > PLACES_SAMPLES && spool_pu.abs() > NEUTRAL_PU)
-            .then_some(Impossible::RestsOpen { spool_pu, samples: self.spools as u64 })
+        (self.spools > PLACES_SAMPLES && spool_pu.abs() > NEUTRAL_PU).then_some(Impossible::RestsOpen { spool_pu })
     }
 
     fn scaled(&self) -> Option<Impossible> {

@@ -1,8 +1,8 @@
 //! Whether the spool of a recording reads on the scale of the sheet: the sheet's regulator says how far it moves, and its ports how fast it moves the
 //! servomotor.
 //!
-//! A regulator of another gain moves the servomotor with the spool, and a loss of oil flow leaves the spool where the regulator wants it. Only a
-//! reading on another scale shows in both, by factors that cancel.
+//! A regulator of another gain moves the servomotor with the spool, and a loss of oil flow leaves the spool where the regulator wants it, as a
+//! transducer of another gain does as long as the spool is off its stops. Only what is recorded on another scale shows in both, by factors that cancel.
 
 use govtwin_model::metrics::Figures;
 use govtwin_model::parameters::Unit;
@@ -15,6 +15,8 @@ use super::time_scale::{DOUBTFUL, MOVED_PU, beginning};
 
 /// A smaller factor may be one of tolerances and faults: that of the two scales from 1 to 2 which is as far from both.
 const LEAST: f64 = std::f64::consts::SQRT_2;
+/// A spool that is asked to stand nearer to neutral, pu, is off its stops, also where its transducer reads half or twice.
+const OFF_STOPS_PU: f64 = 0.4;
 /// The squared correlation of the recorded spool with that of the sheet's regulator: less is no matter of scale.
 const TOGETHER: f64 = 0.75;
 
@@ -27,7 +29,8 @@ pub fn doubt_of_spool(recording: &Recording, unit: &Unit) -> Option<String> {
     }
     let asked = simulate(&mut Twin::new(unit).with_cut(Cut::Servomotor), &recording);
     let asked = asked.iter().map(|estimate| Signal::SpoolPosition.of(&estimate.signals));
-    let both = of(Signal::SpoolPosition).zip(asked).filter(|(read, asked)| (read * asked).is_finite());
+    let both =
+        of(Signal::SpoolPosition).zip(asked).filter(|(read, asked)| read.is_finite() && asked.abs() < OFF_STOPS_PU);
     let [squares, products, read_squares] = both.fold([0.0; 3], |[squares, products, read_squares], (read, asked)| {
         [squares + asked * asked, products + read * asked, read_squares + read * read]
     });

@@ -115,7 +115,7 @@ fn outcomes(store: &Store) -> anyhow::Result<(Vec<Kept>, Vec<String>)> {
         };
         match agrees(&outcome, store) {
             Ok(()) => Ok(Ok(outcome)),
-            Err(error) if error.chain().any(|cause| cause.is::<StoreError>()) => Err(error),
+            Err(error) if error.is::<StoreError>() => Err(error),
             Err(error) => Ok(Err(damaged(error))),
         }
     })
