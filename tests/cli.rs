@@ -187,15 +187,18 @@ fn a_topic_without_one_usable_value_is_an_error() {
 fn a_pressure_in_another_unit_is_told() {
     let dir = tempfile::tempdir().unwrap();
     for (pressure, words) in [
-        (63.0, "the median is 63.0 Pa, the sheet says 6.3e+6 Pa; was it sent in bar?"),
+        (63.0, "reaches 63 Pa, expected 5.0e5 to 5.0e7 Pa of a governor's oil supply; was it sent in bar?"),
         (6.1, "was it sent in MPa?"),
-        (1e6, "the median is 1.0e+6 Pa"),
-        (-500.0, "the median is -500.0 Pa, the sheet says 6.3e+6 Pa"),
-        (9.9e7, "the median is 9.9e+7 Pa"),
+        (6300.0, "was it sent in kPa?"),
+        (1e6, "the median is 1.0e+6 Pa, the sheet says 6.3e+6 Pa"),
+        (-500.0, "reaches -500 Pa"),
+        (9.9e7, "reaches 9.900e7 Pa"),
     ] {
         let path = bag(dir.path(), &format!("p{pressure}"), |_, row| row.pressure_pa = Some(pressure));
         let run = replay(&path, &[]);
         assert!(run.code == 3 && run.stderr.contains(words), "{}", run.stderr);
+        let info = govtwin(&["info", path.to_str().unwrap()]);
+        assert_eq!(info.code == 3 && info.stdout.contains(words), !words.contains("sheet"), "{}", info.stdout);
     }
     let path = bag(dir.path(), "low", |_, row| row.pressure_pa = Some(5.8e6));
     assert_eq!(replay(&path, &[]).stderr, "");

@@ -177,6 +177,39 @@ fn whoever_does_the_entries_the_tables_are_the_same() {
     let json: Value = serde_json::from_str(&json).unwrap();
     assert_eq!((&json["changes"], &json["done"], &json["failed"]), (&Value::Array(vec![]), &2.into(), &1.into()));
     assert!(json["work"]["peak_memory_bytes"].as_u64() > Some(1_000_000) || cfg!(not(target_os = "linux")));
+    contradictions_are_refused_by_field(&fleet);
+}
+
+/// A result says what its report does, and the report's files are its own.
+fn contradictions_are_refused_by_field(fleet: &Fleet) {
+    let result = names(&fleet.dir.path().join("whole/results"))
+        .into_iter()
+        .map(|name| fleet.path(&format!("whole/results/{name}")));
+    let result = result.into_iter().find(|path| fs::read_to_string(path).unwrap().contains("sound")).unwrap();
+    let own: Value = serde_json::from_str(&fs::read_to_string(&result).unwrap()).unwrap();
+    let folder = fleet.path(&format!("whole/{}", own["report"].as_str().unwrap()));
+    let gathered = |words: &str| {
+        let run = fleet.run(&["gather", "whole", "--plan", "plan"]);
+        assert!(run.status.code() == Some(3) && text(&run.stderr).contains(words), "{words}: {}", text(&run.stderr));
+    };
+    for (place, value, words) in [
+        ("/unit", Value::from("other"), "unit: expected \"sound\" as in its report, found \"other\""),
+        ("/origins", Value::Array(vec![]), "origins: expected ["),
+        ("/found/entropy_bits", Value::from(0.25), "found.entropy_bits: expected "),
+        ("/found/parameters/0/value", Value::Null, "found.parameters[0].value: expected "),
+        ("/report", Value::from("reports/other/1"), "report: expected a folder of reports/"),
+    ] {
+        let mut changed = own.clone();
+        *changed.pointer_mut(place).unwrap() = value;
+        fs::write(&result, changed.to_string()).unwrap();
+        gathered(words);
+    }
+    fs::write(&result, own.to_string()).unwrap();
+    let refitted = format!("{folder}/refitted.yaml");
+    let sound = fs::read(&refitted).unwrap();
+    fs::write(&refitted, "oil:\n").unwrap();
+    gathered("refitted.yaml beside it: expected the file that was written with the report");
+    fs::write(&refitted, sound).unwrap();
 }
 
 /// The path of a file as text.

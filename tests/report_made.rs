@@ -120,6 +120,37 @@ fn a_diagnosis_has_a_folder_for_each_unit_and_spares_those_of_others() {
         }
     }
 
+    // What was changed in the report, or stands beside it and is another's, is refused by name.
+    let whole = fs::read(folder.join("report.json")).unwrap();
+    let refused = |what: &str, words: &str| {
+        for arguments in
+            [&["report", "diagnosis/unit_1/report.json"][..], &["accept", "unit_1", "--diagnosis", "diagnosis/unit_1"]]
+        {
+            let run = govtwin(dir.path(), arguments);
+            assert!(run.status.code() == Some(1) && text(&run.stderr).contains(words), "{what}: {}", text(&run.stderr));
+        }
+    };
+    for (one, other, place) in [
+        ("/provenance/written/fitted.yaml", "/provenance/written/refitted.yaml", "provenance.written"),
+        ("/provenance/sheet/sha256", "/provenance/recordings/0/files/0/sha256", "provenance.recordings"),
+        ("/evidence/parameters/0/sheet", "/evidence/parameters/1/sheet", "evidence.parameters"),
+        ("/gap/signals/0", "/gap/signals/1", "gap.signals"),
+    ] {
+        let mut changed = report.clone();
+        let [first, second] = [one, other].map(|place| report.pointer(place).unwrap().clone());
+        *changed.pointer_mut(one).unwrap() = second;
+        *changed.pointer_mut(other).unwrap() = first;
+        fs::write(folder.join("report.json"), changed.to_string()).unwrap();
+        refused(one, &format!("{place}: expected what was written"));
+    }
+    fs::write(folder.join("report.json"), whole).unwrap();
+    for name in ["refitted.yaml", "fitted.yaml"] {
+        let own = fs::read(folder.join(name)).unwrap();
+        fs::write(folder.join(name), [&own[..], b"# by hand\n"].concat()).unwrap();
+        refused(name, &format!("{name} beside it: expected the file that was written with the report"));
+        fs::write(folder.join(name), own).unwrap();
+    }
+
     // The page is made again from the report, with the same four answers.
     let page = fs::read_to_string(folder.join("report.html")).unwrap();
     fs::rename(folder.join("report.json"), at("alone.json")).unwrap();

@@ -18,7 +18,7 @@ use govtwin_model::frame::{EsvState, Frame};
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
-use copies::CopyWatch;
+use copies::{CopyWatch, Pair};
 pub(crate) use impossible::Impossible;
 use jumps::JumpWatch;
 use onsets::OnsetWatch;
@@ -58,6 +58,10 @@ const PAIRS: f64 = 50.0;
 const UNRELATED: f64 = 0.577;
 const TURNED: f64 = -0.4;
 const MOVED_PU: f64 = 0.05;
+/// A spool moves the servomotor at once: its speed goes with the spool of a time later, so well and with half of what is left, only where one of the two is
+/// of another time; with fewer spools in each time nothing is told.
+const AHEAD: f64 = 0.9;
+const SPOOLS: f64 = 3.0;
 /// A recording of so many samples in which the servomotor moves lasts longer, s.
 const SHORTEST_S: f64 = 1.0;
 const SHORT_SAMPLES: u64 = 200;
@@ -100,10 +104,12 @@ pub(crate) struct ChainEvidence {
     rests: RestWatch,
     onsets: OnsetWatch,
     held: [HeldWatch; 2],
-    /// The position as the command of before, and the command as the position of before.
-    copies: [CopyWatch; 2],
+    copies: CopyWatch,
     jumps: JumpWatch,
     relation: Relation,
+    /// The speed of the time before with the spool.
+    ahead: Relation,
+    speed_before: Option<f64>,
     fast: (u32, f64),
     fastest: Option<Impossible>,
 }
@@ -141,12 +147,10 @@ impl ChainEvidence {
         self.command_ends = wider(self.command_ends, command);
         self.speed(frame, servo, spool);
         self.copied(time_ns, command, servo, normal);
-        let [of_command, of_servo] = &mut self.copies;
-        of_command.take(time_ns, servo, command);
-        of_servo.take(time_ns, command, servo);
+        self.copies.take(Pair { time_ns, command, position: servo, normal });
         self.jumps.take(time_ns, servo);
         self.trips.take(time_ns, command - servo, servo, spool, normal);
-        self.rests.take(time_ns, command, servo, normal);
+        self.rests.take(time_ns, command, [servo, spool], normal);
         self.onsets.take(time_ns, command, spool, normal);
         self.last = Some((time_ns, command, servo));
     }
@@ -182,6 +186,7 @@ impl ChainEvidence {
         }
         let (from, step) = (*from, servo - from.position);
         self.point = Some(point);
+        let before = self.speed_before.take();
         if step_s > LONGEST_STEP_S {
             return;
         }
@@ -197,6 +202,10 @@ impl ChainEvidence {
         let inside = (0.02..=0.98).contains(&servo);
         if from.spools > 0.0 && inside {
             self.relation.take(from.spool / from.spools, self.speed);
+            if let Some(before) = before.filter(|_| from.spools >= SPOOLS) {
+                self.ahead.take(from.spool / from.spools, before);
+            }
+            self.speed_before = Some(self.speed);
         }
     }
 
@@ -234,7 +243,7 @@ impl ChainEvidence {
             found.push(Impossible::Copy { apart_pu, moving, equal, all });
             return found;
         }
-        if let Some(late) = self.copies[0].found(false).or(self.copies[1].found(true)).filter(|_| moves) {
+        if let Some(late) = self.copies.found().filter(|_| moves) {
             found.push(late);
             return found;
         }
@@ -256,6 +265,10 @@ impl ChainEvidence {
         let tell = self.relation.n >= PAIRS && span(self.servo_ends) > MOVED_PU && self.relation.speed_lasts();
         if tell && (correlation < UNRELATED) {
             found.push(Impossible::Unrelated { correlation });
+        }
+        let ahead = self.ahead.correlation();
+        if tell && self.ahead.n >= PAIRS && ahead > AHEAD && 1.0 - ahead.powi(2) < 0.5 * (1.0 - correlation.powi(2)) {
+            found.push(Impossible::SpoolLate { ahead, correlation });
         }
         found.extend(self.rests.found());
         found.extend(self.held[0].found(Signal::ServomotorPosition));

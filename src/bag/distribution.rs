@@ -1,7 +1,5 @@
 //! Distributions of many numbers in little memory: exact for few different ones, then in buckets that grow.
 
-use std::collections::BTreeMap;
-
 /// The most different values, or buckets, that are kept.
 const MOST_BUCKETS: usize = 4096;
 
@@ -11,11 +9,19 @@ const TOGETHER: usize = 8192;
 /// Bits behind the leading one that a bucket keeps at first where values no longer stand each for itself: 1 part in 16,384.
 const FINEST_BITS: u32 = 14;
 
+/// Values of one key.
+#[derive(Clone, Copy, Debug)]
+struct Bucket {
+    key: i64,
+    count: u64,
+    sum_ns: i128,
+}
+
 /// Values in ns by size. Up to 4096 different ones are kept as they are; beyond, values within a bucket count as their mean.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Distribution {
-    /// By key: how many values there are, and their sum, ns.
-    buckets: BTreeMap<i64, (u64, i128)>,
+    /// In the order of their keys.
+    buckets: Vec<Bucket>,
     /// Not in a bucket yet.
     waiting: Vec<i64>,
     /// Bits that a key keeps; `None` where each value has a bucket.
@@ -33,32 +39,39 @@ impl Distribution {
 
     /// Puts what waits into the buckets.
     fn settle(&mut self) {
-        let mut waiting = std::mem::take(&mut self.waiting);
-        waiting.sort_unstable();
-        let bits = self.bits;
-        for alike in waiting.chunk_by(|one, other| key(*one, bits) == key(*other, bits)) {
-            self.add(alike[0], (alike.len() as u64, alike.iter().map(|value_ns| i128::from(*value_ns)).sum()));
+        self.waiting.sort_unstable();
+        for alike in self.waiting.chunk_by(|one, other| key(*one, self.bits) == key(*other, self.bits)) {
+            let sum_ns = alike.iter().map(|value_ns| i128::from(*value_ns)).sum();
+            self.buckets.push(Bucket { key: key(alike[0], self.bits), count: alike.len() as u64, sum_ns });
         }
-        waiting.clear();
-        self.waiting = waiting;
+        self.waiting.clear();
+        // Two rising runs, which a stable sort merges.
+        self.buckets.sort_by_key(|bucket| bucket.key);
+        self.join();
         while self.buckets.len() > MOST_BUCKETS {
             self.bits = Some(self.bits.map_or(FINEST_BITS, |bits| bits.saturating_sub(1)));
-            for (value_ns, bucket) in std::mem::take(&mut self.buckets) {
-                self.add(value_ns, bucket);
+            for bucket in &mut self.buckets {
+                bucket.key = key(bucket.key, self.bits);
             }
+            self.join();
         }
     }
 
-    fn add(&mut self, value_ns: i64, (more, more_ns): (u64, i128)) {
-        let (count, sum_ns) = self.buckets.entry(key(value_ns, self.bits)).or_default();
-        *count += more;
-        *sum_ns += more_ns;
+    /// Makes one of the neighbours that have one key.
+    fn join(&mut self) {
+        self.buckets.dedup_by(|next, kept| {
+            let alike = next.key == kept.key;
+            if alike {
+                (kept.count, kept.sum_ns) = (kept.count + next.count, kept.sum_ns + next.sum_ns);
+            }
+            alike
+        });
     }
 
     /// The mean of each bucket, in rising order, and its count.
     fn means(&mut self) -> impl Iterator<Item = (i64, u64)> {
         self.settle();
-        self.buckets.values().map(|(count, sum_ns)| {
+        self.buckets.iter().map(|Bucket { count, sum_ns, .. }| {
             let mean_ns = sum_ns / i128::from(*count).max(1);
             (i64::try_from(mean_ns).unwrap_or(if mean_ns < 0 { i64::MIN } else { i64::MAX }), *count)
         })

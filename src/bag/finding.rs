@@ -52,6 +52,8 @@ pub enum Kind {
     OtherDefinition,
     /// Stamps of another clock than those of the other streams.
     OtherClock,
+    /// A pressure that no governor's oil supply has.
+    OtherUnit,
     /// A command of which a historian kept few points.
     Compressed,
     /// Signals that cannot be of one machine, or not of its time.

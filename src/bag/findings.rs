@@ -3,6 +3,7 @@
 use super::channel::{Channel, Outlier};
 use super::clock::{Clock, Drift};
 use super::evidence::Still;
+use super::qualification::{TANK_PA, unit_of_pressure};
 use super::topic::shown;
 use super::{FileHealth, Finding, Kind, Severity};
 use govtwin_model::signal::Signal;
@@ -151,6 +152,17 @@ pub(super) fn beyond(channel: &Channel) -> String {
 
 pub(super) fn constant(value: f64, unit: &str) -> String {
     format!("is {} {unit} in every sample, to the last bit: a set value rather than a measurement?", number(value))
+}
+
+/// A tank pressure that no governor's oil supply has, Pa.
+pub(crate) fn other_pressure(most_pa: f64) -> String {
+    let meant = unit_of_pressure(most_pa).map(|name| format!("; was it sent in {name}?"));
+    let [least, most] = [TANK_PA.start(), TANK_PA.end()];
+    format!(
+        "reaches {} Pa, expected {least:.1e} to {most:.1e} Pa of a governor's oil supply{}",
+        number(most_pa),
+        meant.unwrap_or_default()
+    )
 }
 
 pub(super) fn nothing_measured(samples: u64) -> String {

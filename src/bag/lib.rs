@@ -90,6 +90,7 @@ pub use look::{NeedsAll, Overview, Rows, RowsOfMessages, look, read_rows};
 pub use memory::InMemory;
 pub use merge::{MergedMessages, messages};
 pub use newest::Newest;
+pub use qualification::{TANK_PA, unit_of_pressure};
 pub use read::read;
 pub use recover::{Recovered, broken_off, intended_place, recover};
 pub use survey::{Survey, survey};

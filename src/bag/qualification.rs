@@ -6,7 +6,7 @@
 //! | severity | what is found |
 //! |---|---|
 //! | disqualified | signals that cannot be of one machine and its time (`chain.rs`), streams of clocks more than a second apart, values out of every physical range, a tank pressure of zero, stamps that are no time or far from their neighbours, a required servo state without one number |
-//! | warning | several senders, stamps of another clock, held values, stamps ahead, clocks that drift apart, lost messages, outliers, frozen and saturated signals, nothing measured, commands beyond the stroke, and everything in [`Warning`](super::Warning) |
+//! | warning | several senders, stamps of another clock, held values, stamps ahead, clocks that drift apart, lost messages, outliers, frozen and saturated signals, a pressure of no oil supply, nothing measured, commands beyond the stroke, and everything in [`Warning`](super::Warning) |
 //! | note | messages of another definition of their type, drift that all streams share, recordings that were played, signals that are absent or constant, small overshoot of a command, files without checksum or count |
 
 use std::path::Path;
@@ -42,6 +42,20 @@ pub(super) const ANY_LIMITS: Limits = Limits { what: "position", unit: "in any u
 
 /// Guide-vane commands in percent lie here.
 const PERCENT: std::ops::RangeInclusive<f64> = 2.0..=105.0;
+
+/// Pressures of a governor's oil supply, Pa: from the oldest open-type governors to piston accumulators.
+pub const TANK_PA: std::ops::RangeInclusive<f64> = 5.0e5..=5.0e7;
+/// Units in which a pressure may have been written, Pa.
+pub(crate) const PRESSURES_PA: [(&str, f64); 5] =
+    [("bar", 1e5), ("MPa", 1e6), ("kPa", 1e3), ("psi", 6_894.757), ("Pa", 1.0)];
+/// A pressure of the kind that such a supply has most often, Pa.
+const USUAL_PA: std::ops::RangeInclusive<f64> = 1.5e6..=2.5e7;
+
+/// The unit in which a number is a usual tank pressure.
+#[must_use]
+pub fn unit_of_pressure(number: f64) -> Option<&'static str> {
+    PRESSURES_PA.iter().find(|(_, in_pa)| USUAL_PA.contains(&(number * in_pa))).map(|(name, _)| *name)
+}
 
 /// A tank at no more than this has no pressure at all, Pa: no transducer's noise is that small, so that nothing is connected to it, or
 /// the message was not filled in.
@@ -214,8 +228,13 @@ pub(super) fn of_streams(streams: &mut [(&str, &mut StreamEvidence, u64)], in_pu
                     found.add(severity, Kind::BeyondStroke, findings::beyond(channel));
                 }
             }
-            Stream::TankPressure if channel.count >= FEW && channel.least == channel.most => {
-                found.note(Kind::Constant, findings::constant(channel.least, "Pa"));
+            Stream::TankPressure if channel.count >= FEW => {
+                if !TANK_PA.contains(&channel.most) {
+                    found.warn(Kind::OtherUnit, findings::other_pressure(channel.most));
+                }
+                if channel.least == channel.most {
+                    found.note(Kind::Constant, findings::constant(channel.least, "Pa"));
+                }
             }
             _ => {}
         }
@@ -295,6 +314,7 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
             | Impossible::Held { .. }
             | Impossible::Leads { .. }
             | Impossible::Jumps { .. }
+            | Impossible::SpoolLate { .. }
             | Impossible::Precedes { .. } => Severity::Warning,
             _ => Severity::Disqualified,
         };

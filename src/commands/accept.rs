@@ -141,10 +141,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 /// Leaves out the recordings whose figures would not be those of the unit: no limit is kept by what cannot be trusted.
 fn trusted(mut recordings: Vec<Recording>, mut read: Vec<GivenBag>) -> anyhow::Result<(Vec<Recording>, Vec<GivenBag>)> {
-    let mut refused = vec![];
     for given in read.iter_mut().filter(|given| given.left_out.is_none()) {
         let Some(doubt) = given.health.as_ref().and_then(Health::untrusted) else { continue };
-        refused.push(format!("{}: {doubt}", given.path.display()));
         given.left_out = Some(doubt);
         let of_given = |name: &str| {
             name == given.name || name.strip_prefix(&given.name).is_some_and(|rest| rest.starts_with(['#', ' ']))
@@ -152,7 +150,8 @@ fn trusted(mut recordings: Vec<Recording>, mut read: Vec<GivenBag>) -> anyhow::R
         recordings.retain(|recording| !of_given(&recording.name));
     }
     if recordings.is_empty() {
-        bail!("no recording can be measured:\n  {}", refused.join("\n  "));
+        let why = |given: &GivenBag| Some(format!("{}: {}", given.name, given.left_out.as_ref()?));
+        bail!("no recording can be measured:\n  {}", read.iter().filter_map(why).collect::<Vec<_>>().join("\n  "));
     }
     Ok((recordings, read))
 }

@@ -3,6 +3,7 @@
 mod excerpts;
 mod find;
 mod pressure;
+mod spool_scale;
 mod time_scale;
 
 use std::path::{Path, PathBuf};
@@ -27,6 +28,7 @@ use pressure::other_unit;
 pub use find::holds_bags;
 pub use find::{find, is_bag_folder};
 pub use pressure::doubt_of_pressure;
+pub use spool_scale::doubt_of_spool;
 pub use time_scale::TimeScale;
 
 /// One bag to read.
@@ -283,13 +285,17 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
     let some_measured = loaded.iter().flatten().any(|taken| !is_own(taken));
     let can_tell = |taken: &&Taken| timed && !is_own(taken) && taken.health.disqualified().is_none();
     let scale = |taken: &Taken| TimeScale::most(&taken.recordings, unit);
-    let scales: Vec<Option<TimeScale>> =
-        loaded.par_iter().map(|taken| taken.as_ref().ok().filter(can_tell).and_then(scale)).collect();
-    let agree = TimeScale::agree(scales.iter().flatten());
-    for ((bag, taken), scale) in bags.into_iter().zip(loaded).zip(scales) {
+    let spool = |taken: &Taken| taken.recordings.iter().find_map(|recording| doubt_of_spool(recording, unit));
+    let scales: Vec<(Option<TimeScale>, Option<String>)> = loaded
+        .par_iter()
+        .map(|taken| taken.as_ref().ok().filter(can_tell).map_or((None, None), |taken| (scale(taken), spool(taken))))
+        .collect();
+    let agree = TimeScale::agree(scales.iter().filter_map(|(scale, _)| scale.as_ref()));
+    for ((bag, taken), (scale, spool)) in bags.into_iter().zip(loaded).zip(scales) {
         let Bag { path, name } = bag;
         let scaled = scale.filter(TimeScale::is_other).map(|scale| scale.words(!agree));
-        let taken = taken.and_then(|taken| match untrusted(&taken, topics, unit, scaled.clone().filter(|_| agree)) {
+        let other = scaled.clone().filter(|_| agree).or(spool);
+        let taken = taken.and_then(|taken| match untrusted(&taken, topics, unit, other) {
             Some(reason) => Err(format!("{name}: {reason}")),
             None => Ok(taken),
         });
@@ -312,8 +318,9 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
                 (Some(health), None, excerpt)
             }
             Err(error) => {
-                refused.push(error.clone());
-                (None, Some(error), None)
+                let reason = error.strip_prefix(&format!("{name}: ")).unwrap_or(&error).to_owned();
+                refused.push(error);
+                (None, Some(reason), None)
             }
         };
         read.push(GivenBag { path, name, health, left_out, excerpt });

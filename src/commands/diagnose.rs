@@ -24,7 +24,7 @@ use super::provenance;
 use crate::commands::{Outcome, sheet_of, unknown};
 use given::{By, Given};
 
-pub use files::{FITTED, NAMES};
+pub use files::{FITTED, NAMES, REPORT};
 pub use given::UnitArgs;
 
 /// Arguments of `govtwin diagnose`.

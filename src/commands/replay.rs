@@ -348,6 +348,7 @@ fn describe(
 ) -> anyhow::Result<Result> {
     let mut warnings: Vec<String> = health.warnings.iter().map(ToString::to_string).collect();
     warnings.extend(bags::doubt_of_pressure(&replayed.recording, &args.topics.topics(), unit));
+    warnings.extend(bags::doubt_of_spool(&replayed.recording, unit));
     let scale = bags::TimeScale::of(&replayed.recording, unit).filter(bags::TimeScale::is_other);
     warnings.extend(scale.map(|scale| scale.words(true)));
     let marked = provenance::marked(Some(&health), given)?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin_diagnosis::result::schema::{DiagnosisReport, SCHEMA};
+use govtwin_diagnosis::result::schema::SCHEMA;
 use govtwin_files::{Claim, check_regular, folder_of, is_same};
 use govtwin_model::provenance::Provenance;
 use govtwin_pages::diagnosis as page;
@@ -58,8 +58,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             "{shown} holds the figures of a replay; its pictures come from the bags: `govtwin replay --out DIR BAG` makes them again"
         );
     }
-    report_file::check(&report).with_context(|| shown.to_string())?;
-    let mut read = DiagnosisReport::of_json(&report).with_context(|| shown.to_string())?;
+    let mut read = report_file::of_json(&report, &args.report)?;
     let made = read.provenance.take().unwrap_or_else(|| Provenance {
         warnings: vec!["the report does not say what it was made from".to_owned()],
         ..Provenance::default()

@@ -1,14 +1,19 @@
-//! What a report of a diagnosis was made from, read back within bounds.
+//! Reports of diagnoses, read back within bounds, and only as they were written.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, bail};
 use govtwin_diagnosis::result::schema::DiagnosisReport;
-use govtwin_files::{look_at, read_text};
+use govtwin_files::digest::sha256;
+use govtwin_files::{folder_of, look_at, read_text};
 use govtwin_model::effects::find;
 use govtwin_model::provenance::Provenance;
 use serde::Deserialize;
-use serde_json::Value;
+use serde_json::{Value, json};
+
+use super::diagnose::NAMES;
+use super::provenance::file;
 
 /// More than a report of one unit has with all its evidence.
 pub const LARGEST_BYTES: u64 = 1 << 24;
@@ -40,10 +45,76 @@ pub fn read(path: &Path) -> anyhow::Result<Value> {
 
 /// The report of a diagnosis, or of a baseline.
 pub fn diagnosis(path: &Path) -> anyhow::Result<DiagnosisReport> {
-    let shown = || path.display().to_string();
-    let value = read(path)?;
-    check(&value).with_context(shown)?;
-    DiagnosisReport::of_json(&value).with_context(shown)
+    of_json(&read(path)?, path)
+}
+
+/// The same of its JSON; the files beside it are its own.
+pub fn of_json(report: &Value, path: &Path) -> anyhow::Result<DiagnosisReport> {
+    let folder = folder_of(path);
+    let beside = |name: &str| {
+        let path = folder.join(name);
+        if is_there(&path)? { file(&path).map(|file| Some(file.sha256)) } else { Ok(None) }
+    };
+    sound_report(report, beside).with_context(|| path.display().to_string())
+}
+
+/// The same of a report beside which are files with these digests, by name.
+pub fn sound_report(
+    report: &Value,
+    beside: impl Fn(&str) -> anyhow::Result<Option<String>>,
+) -> anyhow::Result<DiagnosisReport> {
+    check(report)?;
+    unchanged(report)?;
+    let read = DiagnosisReport::of_json(report)?;
+    let written = read.provenance.iter().flat_map(|made| &made.written);
+    for (name, stated) in written.filter(|(name, _)| NAMES.contains(&name.as_str())) {
+        if let Some(found) = beside(name)?.filter(|found| found != stated) {
+            bail!(
+                "{name} beside it: expected the file that was written with the report (SHA-256 {stated:.12}), found another ({found:.12}), changed or of \
+                 another diagnosis; take both from one run of `govtwin diagnose`"
+            );
+        }
+    }
+    Ok(read)
+}
+
+/// Key of the digests of a report's sections.
+const DIGESTS: &str = "digests";
+
+/// A report with a digest of each section, by which a change shows.
+pub fn sealed(mut report: Value) -> Value {
+    report[DIGESTS] = json!(digests(&report));
+    report
+}
+
+/// SHA-256 of each section: of each key, or of those below it.
+fn digests(report: &Value) -> BTreeMap<String, String> {
+    let mut all = BTreeMap::new();
+    for (key, section) in report.as_object().into_iter().flatten().filter(|(key, _)| *key != DIGESTS) {
+        match section {
+            Value::Object(below) => {
+                all.extend(below.iter().map(|(last, value)| (format!("{key}.{last}"), sha256(value.to_string()))));
+            }
+            _ => drop(all.insert(key.clone(), sha256(section.to_string()))),
+        }
+    }
+    all
+}
+
+/// Refuses a report with a section that is not the one that was written; one without digests is of another program, or of before.
+fn unchanged(report: &Value) -> anyhow::Result<()> {
+    let Some(stated) = report.get(DIGESTS) else { return Ok(()) };
+    let (stated, found) = (BTreeMap::<String, String>::deserialize(stated).context(DIGESTS)?, digests(report));
+    for place in stated.keys().chain(found.keys()) {
+        let [stated, found] = [&stated, &found].map(|all| all.get(place).map_or("none", String::as_str));
+        if stated != found {
+            bail!(
+                "{place}: expected what was written (SHA-256 {stated:.12}), found something else ({found:.12}): the report was changed; make it again with \
+                 `govtwin diagnose`"
+            );
+        }
+    }
+    Ok(())
 }
 
 /// What the report in a file was made from; none where it does not say.
@@ -57,7 +128,7 @@ pub fn made_from(report: &Value) -> serde_json::Result<Option<Provenance>> {
 }
 
 /// Refuses a report that was edited or made by something else, before its figures are shown as if they were ours.
-pub fn check(report: &Value) -> anyhow::Result<()> {
+fn check(report: &Value) -> anyhow::Result<()> {
     let verdict = report["verdict"].as_str().unwrap_or_default();
     let faults = report["effects"].as_array().map_or(0, Vec::len);
     if matches!(verdict, "named" | "class") && faults == 0 {

@@ -37,7 +37,7 @@ const fn doubtful(what: &'static str, change: fn(&mut Vec<Frame>)) -> Defect {
 }
 
 /// Those of wiring, channels, clocks and machines.
-pub const DEFECTS: [Defect; 37] = [
+pub const DEFECTS: [Defect; 41] = [
     impossible("the position is the command", |rows| {
         map(rows, |_, row| row.measured.servomotor_position_pu = row.inputs.opening_command_pu);
     }),
@@ -46,6 +46,10 @@ pub const DEFECTS: [Defect; 37] = [
     }),
     impossible("the position is the command with some noise", |rows| copy(rows, 1e-4)),
     impossible("the position is the command with much noise", |rows| copy(rows, 1e-3)),
+    impossible("the position is the command of 60 ms before with some noise", |rows| {
+        let commands: Vec<f64> = rows.iter().map(|row| row.inputs.opening_command_pu).collect();
+        servomotor(rows, |k, _| commands[k.saturating_sub(6)] + noise(k, 1e-4));
+    }),
     impossible("the position is the command in coarse steps", |rows| {
         copy(rows, 0.0);
         servomotor(rows, |_, position| (position * 4096.0).round() / 4096.0);
@@ -102,12 +106,18 @@ pub const DEFECTS: [Defect; 37] = [
     of_another("the pressure is twice as high", |rows| pressure(rows, 2.0)),
     of_another("the pressure is half", |rows| pressure(rows, 0.5)),
     of_another("the pressure is in bar", |rows| pressure(rows, 1e-5)),
+    of_another("the spool is doubled", |rows| spool(rows, |_, position| 2.0 * position)),
+    of_another("the spool is a tenth", |rows| spool(rows, |_, position| 0.1 * position)),
     of_another("time is stretched by a half", |rows| time(rows, 1.5)),
     of_another("time is stretched ten times", |rows| time(rows, 10.0)),
     of_another("time is half", |rows| time(rows, 0.5)),
     doubtful("the response comes before the command", |rows| {
         let commands: Vec<f64> = rows.iter().map(|row| row.inputs.opening_command_pu).collect();
         map(rows, |k, row| row.inputs.opening_command_pu = commands[k.saturating_sub(100)]);
+    }),
+    doubtful("the position comes before the spool", |rows| {
+        let spools: Vec<f64> = rows.iter().map(|row| row.measured.spool_position_pu).collect();
+        spool(rows, |k, _| spools[k.saturating_sub(12)]);
     }),
     doubtful("the position is held for half a second", |rows| hold(rows, Signal::ServomotorPosition, 50)),
     doubtful("the position is held for a second", |rows| hold(rows, Signal::ServomotorPosition, 100)),

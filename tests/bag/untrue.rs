@@ -38,7 +38,7 @@ fn run(command: &str, arguments: &[&str], folder: &Path) -> (i32, String, String
 }
 
 /// Words of the reasons for which a recording is refused as data.
-const REASONS: [&str; 11] = [
+const REASONS: [&str; 13] = [
     "the servomotor position is the command",
     "moves away from its command",
     "against its spool",
@@ -47,7 +47,9 @@ const REASONS: [&str; 11] = [
     "while the ESV says shutdown",
     "the ESV has said shutdown",
     "the recording is not of this unit",
+    "times what the sheet's regulator asks for",
     "before its command does",
+    "before its spool does",
     "is held for",
     "more than one sender",
 ];

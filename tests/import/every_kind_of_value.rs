@@ -202,4 +202,9 @@ pub(super) fn impossible(cases: &mut Cases) {
         }
         cases.by_map(KIND, name, text, map, Asked(words));
     }
+    // Half of the spool's range is neutral, where the servomotor rests.
+    let cell = |value: f64, k: usize| if k == 2 { 50.0 + 0.5 * value } else { value }.to_string();
+    let table = timed(header, cell, ",").replace('\n', ",0\n").replacen(",0\n", "\n", 1);
+    cases.by_map(KIND, "the spool counts from fully closed", table.clone(), map, Asked("its neutral is another value"));
+    cases.add(KIND, "a proposal for a spool that counts from fully closed", table, Asked("taken for neutral"));
 }

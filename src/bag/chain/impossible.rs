@@ -1,6 +1,6 @@
 //! What cannot be of one machine, and how it is reported.
 
-use super::TURNED;
+use super::{SPEED_OVER_S, TURNED};
 use govtwin_model::signal::Signal;
 
 /// What cannot be of one machine, with figures.
@@ -11,6 +11,8 @@ pub(crate) enum Impossible {
     Copy { apart_pu: f64, moving: u64, equal: u64, all: u64 },
     /// The position is the command of so long before, s, or the command the position: so many of its changes are equal to the last bit.
     LateCopy { of_position: bool, lag_s: f64, equal: u64, changes: u64 },
+    /// The position is the command of so long before, s, but for noise: root mean square apart in so many samples while that moved, pu.
+    Delayed { lag_s: f64, apart_pu: f64, moving: u64 },
     /// The position jumps from one sample to the next, first by so much, pu, within so long, s, at a time, ns, and so many times.
     Jumps { by_pu: f64, step_s: f64, time_ns: i64, count: u64 },
     /// The servomotor moves away from its command, pu, and so far towards it.
@@ -28,12 +30,16 @@ pub(crate) enum Impossible {
     Precedes { lead_s: f64, spool_pu: f64, time_ns: i64, onsets: u64, leads: u64 },
     /// All rests are at so many times their commands, which lie between two, pu; what is left, pu.
     Scaled { ratio: f64, least_pu: f64, most_pu: f64, left_pu: f64 },
+    /// At rest with an open spool: its mean, pu.
+    RestsOpen { spool_pu: f64 },
     /// At rest away from its command.
     RestsElsewhere { position_pu: f64, command_pu: f64, time_ns: i64, duration_s: f64 },
     /// The values are held and jump: signal, jumps, share of the travel.
     Held { signal: Signal, jumps: u64, share: f64, held_s: f64 },
     /// Speed and spool have nothing to do with each other, or go against each other.
     Unrelated { correlation: f64 },
+    /// The servomotor's speed goes with the spool of a tenth of a second later, better than with that of its own time.
+    SpoolLate { ahead: f64, correlation: f64 },
     /// The servomotor is faster than any.
     TooFast { pu_s: f64, time_ns: i64 },
     /// The servomotor runs through its process in no time, s.
@@ -45,7 +51,6 @@ pub(crate) enum Impossible {
 impl Impossible {
     /// In words, with the way out.
     pub(crate) fn words(&self) -> String {
-        let percent = |pu: f64| format!("{:.1} %", pu * 100.0);
         match *self {
             Self::Copy { apart_pu, moving, equal, all } => format!(
                 "the servomotor position is the command: {equal} of {all} samples are the same to the last bit, and in {moving} while it moves \
@@ -53,6 +58,7 @@ impl Impossible {
                 apart_pu * 100.0
             ),
             Self::LateCopy { of_position, lag_s, equal, changes } => late_copy(of_position, lag_s, equal, changes),
+            Self::Delayed { lag_s, apart_pu, moving } => delayed(lag_s, apart_pu, moving),
             Self::Jumps { by_pu, step_s, time_ns, count } => format!(
                 "the servomotor position jumps by {} within {step_s:.3} s and stays there (at {time_ns} ns, {count} times in all), and nothing that oil \
                  moves does: values were held or put in the place of others",
@@ -101,19 +107,13 @@ impl Impossible {
                 percent(most_pu),
                 left_pu * 100.0
             ),
+            Self::RestsOpen { spool_pu } => format!(
+                "the spool stands at {} while servomotor and command rest, and would move it: its neutral is another value (give \
+                 `range: [neutral, fully open]` in an import map), or the channel is another's",
+                percent(spool_pu)
+            ),
             Self::RestsElsewhere { position_pu, command_pu, time_ns, duration_s } => {
-                let meant = match position_pu / command_pu {
-                    ratio if (1.8..2.2).contains(&ratio) => "; the position is doubled",
-                    ratio if (0.45..0.55).contains(&ratio) => "; the position is halved",
-                    _ if (position_pu + command_pu - 1.0).abs() < 0.02 => "; the position is turned, 1 is open",
-                    _ => "",
-                };
-                format!(
-                    "the servomotor rests at {} for {duration_s:.0} s while its command says {} (from {time_ns} ns on): a channel is stuck, scaled, or \
-                     of another machine{meant}",
-                    percent(position_pu),
-                    percent(command_pu)
-                )
+                rests_elsewhere(position_pu, command_pu, time_ns, duration_s)
             }
             Self::Held { signal, jumps, share, held_s } => format!(
                 "{} is held for {held_s:.2} s again and again and then jumps, {jumps} times, {:.0} % of its travel: its values are newer at the \
@@ -128,6 +128,10 @@ impl Impossible {
             Self::Unrelated { correlation } => format!(
                 "spool and speed of the servomotor have nothing to do with each other (correlation {correlation:.2}): they are of two machines, one of \
                  the channels is another, or the spool's is stuck"
+            ),
+            Self::SpoolLate { ahead, correlation } => format!(
+                "the servomotor moves before its spool does: its speed goes with the spool of {SPEED_OVER_S} s later (correlation {ahead:.3}, at its own time \
+                 {correlation:.3}): the two were stamped by two clocks, or one of them late"
             ),
             Self::TooFast { pu_s, time_ns } => format!(
                 "the servomotor runs {pu_s:.1} strokes each second (at {time_ns} ns), and none does: is time in another unit?"
@@ -149,4 +153,31 @@ fn late_copy(of_position: bool, lag_s: f64, equal: u64, changes: u64) -> String 
         "{copy} is {other} of {lag_s:.2} s before: {equal} of {changes} changed values are the same to the last bit; one of the two channels is \
          wired to the other"
     )
+}
+
+fn delayed(lag_s: f64, apart_pu: f64, moving: u64) -> String {
+    format!(
+        "the servomotor position is the command of {lag_s:.2} s before: in {moving} samples while that moves nothing but noise of {:.2} % is between the two, and a \
+         servomotor, which sums up its flow, rounds what it follows; one of the two channels is wired to the other",
+        apart_pu * 100.0
+    )
+}
+
+fn rests_elsewhere(position_pu: f64, command_pu: f64, time_ns: i64, duration_s: f64) -> String {
+    let meant = match position_pu / command_pu {
+        ratio if (1.8..2.2).contains(&ratio) => "; the position is doubled",
+        ratio if (0.45..0.55).contains(&ratio) => "; the position is halved",
+        _ if (position_pu + command_pu - 1.0).abs() < 0.02 => "; the position is turned, 1 is open",
+        _ => "",
+    };
+    format!(
+        "the servomotor rests at {} for {duration_s:.0} s while its command says {} (from {time_ns} ns on): a channel is stuck, scaled, or of another \
+         machine{meant}",
+        percent(position_pu),
+        percent(command_pu)
+    )
+}
+
+fn percent(pu: f64) -> String {
+    format!("{:.1} %", pu * 100.0)
 }

@@ -2,7 +2,7 @@
 
 use super::impossible::Impossible;
 use super::stay::Stay;
-use super::{MOVED_PU, STILL_PU, is_pressed};
+use super::{ASKS_PU, MOVED_PU, STILL_PU, is_pressed};
 
 /// At rest so far from its command, pu, for so long, s.
 const REST_PU: f64 = 0.04;
@@ -14,6 +14,9 @@ const PLACES_PU: f64 = 2.0 * MOVED_PU;
 const PLACES_SAMPLES: f64 = 20.0;
 /// Rests that lie on a straight line through the closed stop, give or take so much, pu, are those of a scaled channel.
 const ON_LINE_PU: f64 = 0.006;
+
+/// Inside of its stops a servomotor rests at its command with a spool that stands near neutral, pu: ports overlap by some per cent, and transducers are off by 30 % at most.
+const NEUTRAL_PU: f64 = 0.4;
 
 /// Where and when something impossible was seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,6 +46,9 @@ struct Places {
     least: f64,
     most: f64,
     farthest: f64,
+    /// Spools that were measured inside of the stops, and their sum, pu.
+    spools: f64,
+    spools_pu: f64,
 }
 
 /// What a servomotor's rests show.
@@ -54,7 +60,7 @@ pub(super) struct RestWatch {
 }
 
 impl RestWatch {
-    pub(super) fn take(&mut self, time_ns: i64, command: f64, servo: f64, normal: bool) {
+    pub(super) fn take(&mut self, time_ns: i64, command: f64, [servo, spool]: [f64; 2], normal: bool) {
         if !normal {
             self.run = None;
             return;
@@ -69,7 +75,7 @@ impl RestWatch {
         let mut run = still.unwrap_or(StillRun { servo: servo_here, command: command_here, away: None });
         let pressed = is_pressed(servo, command);
         if run.command.lasted_s() > PLACE_S && !pressed && command.is_finite() {
-            self.places.take(command, servo);
+            self.places.take(command, servo, spool);
         }
         let away = (command - servo).abs() >= REST_PU && !pressed;
         run.away = away.then(|| run.away.map_or(command_here, |away| away.with(time_ns, command)));
@@ -89,12 +95,12 @@ impl RestWatch {
             time_ns,
             duration_s,
         };
-        self.places.scaled().or(self.longest.map(elsewhere))
+        self.places.open().or(self.places.scaled()).or(self.longest.map(elsewhere))
     }
 }
 
 impl Places {
-    fn take(&mut self, command: f64, position: f64) {
+    fn take(&mut self, command: f64, position: f64, spool: f64) {
         let first = self.samples == 0.0;
         (self.least, self.most) =
             if first { (command, command) } else { (self.least.min(command), self.most.max(command)) };
@@ -103,6 +109,17 @@ impl Places {
         self.products += command * position;
         self.position_squares += position * position;
         self.farthest = self.farthest.max((command - position).abs());
+        // One that a load or a leak holds off its command stands so with an open spool.
+        let is_there = (command - position).abs() < ASKS_PU && (0.02..=0.98).contains(&position);
+        if spool.is_finite() && is_there {
+            (self.spools, self.spools_pu) = (self.spools + 1.0, self.spools_pu + spool);
+        }
+    }
+
+    /// A spool that does not stand near neutral meanwhile.
+    fn open(&self) -> Option<Impossible> {
+        let spool_pu = self.spools_pu / self.spools;
+        (self.spools > PLACES_SAMPLES && spool_pu.abs() > NEUTRAL_PU).then_some(Impossible::RestsOpen { spool_pu })
     }
 
     fn scaled(&self) -> Option<Impossible> {

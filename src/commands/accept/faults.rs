@@ -10,42 +10,28 @@ use govtwin_diagnosis::{DiagnosisSettings, diagnose};
 use govtwin_model::effects::find_in;
 use govtwin_model::parameters::Unit;
 use govtwin_model::params;
-use govtwin_model::provenance::Provenance;
+use govtwin_model::provenance::{Provenance, RecordingGiven};
 use govtwin_model::recording::Recording;
 
 use crate::commands::diagnose::FITTED;
+pub use crate::commands::diagnose::REPORT;
 use crate::commands::output::Progress;
-use crate::commands::{provenance, report_file};
+use crate::commands::report_file;
 
-/// The machine-readable report of a diagnosis.
-pub const REPORT: &str = "report.json";
-
-/// Refuses a twin that is not the one of the report beside it: by its digest, and where an older report states none by the effects that it has.
+/// Refuses a twin that has other effects than the report beside it names, where the report does not state its digest.
 fn belongs(report: &DiagnosisReport, fitted: &Path, unit: &Unit) -> anyhow::Result<()> {
-    let shown = fitted.display();
-    let way_out = "take both from one run of `govtwin diagnose`";
-    if let Some(stated) = report.provenance.iter().find_map(|made| made.written.get(FITTED)) {
-        let found = provenance::file(fitted)?.sha256;
-        if found != *stated {
-            bail!(
-                "{shown}: expected the twin of the report beside it (SHA-256 {stated:.12}), found another file ({found:.12}), changed or of another \
-                 diagnosis; {way_out}",
-            );
-        }
-        return Ok(());
-    }
-    let has = |id: &str| unit.effects.iter().any(|setting| setting.id == id);
-    let named = matches!(report.verdict, Verdict::Named);
-    if let Some(blame) = report.effects.iter().find(|blame| named && !has(&blame.id)) {
+    let ids = |mut all: Vec<&str>| {
+        all.sort_unstable();
+        if all.is_empty() { "none".to_owned() } else { all.join(", ") }
+    };
+    let named = ids(report.effects.iter().map(|blame| blame.id.as_str()).collect());
+    let found = ids(unit.effects.iter().map(|setting| setting.id.as_str()).collect());
+    let stated = report.provenance.iter().any(|made| made.written.contains_key(FITTED));
+    if matches!(report.verdict, Verdict::Named) && !stated && named != found {
         bail!(
-            "{shown}: expected a twin with `{}`, which the report beside it names, found one without; {way_out}",
-            blame.id
+            "{}: expected a twin with the effects that the report beside it names ({named}), found {found}; take both from one run of `govtwin diagnose`",
+            fitted.display()
         );
-    }
-    if let Some(other) =
-        unit.effects.iter().find(|setting| named && !report.effects.iter().any(|blame| blame.id == setting.id))
-    {
-        bail!("{shown}: found `{}`, which the report beside it does not name; {way_out}", other.id);
     }
     Ok(())
 }
@@ -121,6 +107,14 @@ impl FoundFaults {
             return Some(format!(
                 "the diagnosis is of `{}`, of other recordings than these; is it of the same unit?",
                 there.unit
+            ));
+        }
+        let unknown = |one: &&RecordingGiven| !one.files.iter().all(|file| old.contains(&file.sha256.as_str()));
+        let of_name = |one: &&RecordingGiven| there.recordings.iter().any(|known| known.name == one.name);
+        if let Some(changed) = made.recordings.iter().filter(unknown).find(of_name) {
+            return Some(format!(
+                "{}: the diagnosis of `{}` is of another recording of that name; was it changed since?",
+                changed.name, there.unit
             ));
         }
         (there.sheet.sha256 != made.sheet.sha256).then(|| {

@@ -21,7 +21,7 @@ const HALVINGS: i32 = 4;
 /// A smaller factor is one of tolerances and faults: flows of valves and ports are known to some per cent, loads and losses take up to a quarter.
 const LEAST: f64 = 1.3;
 /// Of the squared error so much may remain, as a mean over the signals, and of each signal's variance, where the twin follows.
-const DOUBTFUL: f64 = 0.25;
+pub(super) const DOUBTFUL: f64 = 0.25;
 /// Half a step from the right scale less remains than this: time is then wrong by a tenth, where it was by a third.
 const HOPELESS: f64 = 2.0 * DOUBTFUL;
 /// A unit that is so many times as fast as its sheet is another one: even a name plate has its times to a factor of two.
@@ -31,7 +31,7 @@ const ALIKE: f64 = 1.1;
 /// The first so much of a recording is enough, s.
 const MOST_S: f64 = 300.0;
 /// A servomotor that moves less tells nothing, pu.
-const MOVED_PU: f64 = 0.05;
+pub(super) const MOVED_PU: f64 = 0.05;
 
 /// The scale of time at which the sheet's twin follows a recording best.
 #[derive(Clone, Copy, Debug)]
@@ -63,8 +63,7 @@ impl TimeScale {
 
     /// That of a recording; none where it has no command, hardly moves, or is followed at no scale.
     pub fn of(recording: &Recording, unit: &Unit) -> Option<Self> {
-        let until_ns = recording.frames.first()?.time_ns.saturating_add(nanos_from_seconds(MOST_S));
-        let frames = &recording.frames[..recording.frames.partition_point(|frame| frame.time_ns < until_ns)];
+        let frames = beginning(recording);
         let moves = |frame: &Frame| Signal::ServomotorPosition.of(&frame.measured);
         let span_pu = span(frames.iter().map(moves))?;
         if !recording.has_command() || span_pu < MOVED_PU {
@@ -141,6 +140,13 @@ impl TimeScale {
             falls.join(" and ")
         )
     }
+}
+
+/// So much of a recording as is looked at.
+pub(super) fn beginning(recording: &Recording) -> &[Frame] {
+    let first_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
+    let until_ns = first_ns.saturating_add(nanos_from_seconds(MOST_S));
+    &recording.frames[..recording.frames.partition_point(|frame| frame.time_ns < until_ns)]
 }
 
 /// Figures of the positions where the recording's time is divided by a factor; none of one that was not measured.

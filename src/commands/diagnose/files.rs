@@ -18,7 +18,7 @@ use crate::commands::output::Output;
 use crate::commands::report_file;
 
 /// The machine-readable report.
-const REPORT: &str = "report.json";
+pub const REPORT: &str = "report.json";
 
 /// The sheet that was made of the recordings, where no other is known.
 pub const ASSUMED: &str = "assumed.yaml";
@@ -64,33 +64,33 @@ pub fn write(
     seconds: f64,
 ) -> anyhow::Result<String> {
     let mut written = BTreeMap::new();
-    let mut twin = |output: &mut Output, name: &str, text: String| {
-        written.insert(name.to_owned(), sha256(&text));
-        output.add(name, text.as_bytes())
+    let mut file = |output: &mut Output, name: &str, bytes: &[u8]| {
+        written.insert(name.to_owned(), sha256(bytes));
+        output.add(name, bytes)
     };
     let what = "refitted within tolerances, without any effect";
     let text = overlay(&output, "refitted.yaml", &diagnosis.refitted, what, made, &[])?;
-    twin(&mut output, "refitted.yaml", text)?;
+    file(&mut output, "refitted.yaml", text.as_bytes())?;
     let what = match diagnosis.verdict {
         Verdict::Named => "refitted with the effects that the diagnosis names",
         Verdict::Class => "refitted with the most probable of the effects that the diagnosis could not tell apart",
         _ => "refitted within tolerances; the diagnosis names no effect",
     };
     let text = overlay(&output, FITTED, &diagnosis.fitted, what, made, &diagnosis.parameters)?;
-    twin(&mut output, FITTED, text)?;
-    let mut report = DiagnosisReport::of(diagnosis, seconds);
-    // By its digest a twin is known as the one of this report.
-    report.provenance = Some(Provenance { written, ..made.clone() });
-    report.evidence.traces = page::kept_traces(&diagnosis.traces);
-    let json = format!("{:#}\n", report.json());
+    file(&mut output, FITTED, text.as_bytes())?;
     match next_test::file(diagnosis, &output.path(NEXT_TEST), &unit.parameters)? {
-        Some(script) => output.add(NEXT_TEST, &script)?,
+        Some(script) => file(&mut output, NEXT_TEST, &script)?,
         None => output.remove(NEXT_TEST),
     }
     match assumed {
-        Some(text) => output.add(ASSUMED, text.as_bytes())?,
+        Some(text) => file(&mut output, ASSUMED, text.as_bytes())?,
         None => output.remove(ASSUMED),
     }
+    let mut report = DiagnosisReport::of(diagnosis, seconds);
+    // By its digest a file is known as the one of this report.
+    report.provenance = Some(Provenance { written, ..made.clone() });
+    report.evidence.traces = page::kept_traces(&diagnosis.traces);
+    let json = format!("{:#}\n", report_file::sealed(report.json()));
     output.add("report.html", page::page(diagnosis, made).to_html().as_bytes())?;
     output.add(REPORT, json.as_bytes())?;
     output.place()?;

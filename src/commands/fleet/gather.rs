@@ -10,17 +10,20 @@ use govtwin_diagnosis::fleet::gathered::{Gathered, Status, gather};
 use govtwin_diagnosis::fleet::result::EntryResult as Kept;
 use govtwin_diagnosis::fleet::table;
 use govtwin_diagnosis::fleet::urgency::{Look, look_first};
-use govtwin_files::store::Store;
+use govtwin_files::digest::sha256;
+use govtwin_files::store::{Store, StoreError};
 use govtwin_model::params;
 use govtwin_pages::table::Table;
 use serde_json::{Value, json};
 
 use super::entries::PlanFile;
 use super::look_at_each;
+use super::worker::tell;
 use crate::commands::Outcome;
+use crate::commands::diagnose::REPORT;
 use crate::commands::output::{Output, print, table_text, warn, warn_all};
 use crate::commands::provenance::{self, PROGRAM};
-use crate::commands::report_file::text_if_there;
+use crate::commands::report_file::{self, text_if_there};
 
 /// Where a gathered fleet stands in its store.
 const FOLDER: &str = "fleet";
@@ -102,12 +105,56 @@ fn outcomes(store: &Store) -> anyhow::Result<(Vec<Kept>, Vec<String>)> {
     look_at_each(&store.list("results")?, "results read", |object| {
         let key = object.path.rsplit('/').next().and_then(|name| name.strip_suffix(".json"));
         let bytes = store.get(&object.path)?;
-        Ok(match key {
-            None => Err(format!("{}: expected a result, KEY.json; not counted", object.path)),
-            Some(key) => Kept::read(&bytes, key)
-                .map_err(|error| format!("{}: {error}; remove it, so that its entry is done anew", object.path)),
-        })
+        let Some(key) = key else {
+            return Ok(Err(format!("{}: expected a result, KEY.json; not counted", object.path)));
+        };
+        let damaged = |error| format!("{}: {error:#}; remove it, so that its entry is done anew", object.path);
+        let outcome = match Kept::read(&bytes, key) {
+            Ok(outcome) => outcome,
+            Err(error) => return Ok(Err(damaged(error.into()))),
+        };
+        match agrees(&outcome, store) {
+            Ok(()) => Ok(Ok(outcome)),
+            Err(error) if error.is::<StoreError>() => Err(error),
+            Err(error) => Ok(Err(damaged(error))),
+        }
     })
+}
+
+/// A result says what its report does, and the files beside that are its own; reports may also be kept elsewhere.
+fn agrees(outcome: &Kept, store: &Store) -> anyhow::Result<()> {
+    let Some(folder) = &outcome.report else { return Ok(()) };
+    let own = format!("reports/{}/", outcome.key);
+    if !folder.starts_with(&own) {
+        bail!("report: expected a folder of {own}, found {folder}");
+    }
+    let get = |name: &str| {
+        let path = format!("{folder}/{name}");
+        if store.has(&path)? { store.get(&path).map(Some) } else { Ok(None) }
+    };
+    let Some(bytes) = get(REPORT)? else { return Ok(()) };
+    let place = || format!("{folder}/{REPORT}");
+    let whole = serde_json::from_slice(&bytes).with_context(place)?;
+    let mut report = report_file::sound_report(&whole, |name| Ok(get(name)?.map(sha256))).with_context(place)?;
+    let made = report.provenance.take().unwrap_or_default();
+    let mut expected = outcome.clone();
+    tell(&mut expected, &report.into(), &made);
+    difference("", &json!(expected), &json!(outcome)).map_or(Ok(()), |words| bail!("{words}"))
+}
+
+/// Where a result differs first from what its report says.
+fn difference(place: &str, report: &Value, result: &Value) -> Option<String> {
+    let below = |key: &str, value: &Value| {
+        difference(&if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") }, value, &result[key])
+    };
+    match (report, result) {
+        (Value::Object(entries), Value::Object(_)) => entries.iter().find_map(|(key, value)| below(key, value)),
+        (Value::Array(rows), Value::Array(others)) if rows.len() == others.len() => {
+            let mut both = rows.iter().zip(others).enumerate();
+            both.find_map(|(row, (one, other))| difference(&format!("{place}[{row}]"), one, other))
+        }
+        _ => (report != result).then(|| format!("{place}: expected {report} as in its report, found {result}")),
+    }
 }
 
 /// What was noted of tries without a result, by key.

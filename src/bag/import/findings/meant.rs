@@ -1,14 +1,9 @@
 //! Whether units and signs can be meant: ranges that no governor has, and signals that go against each other.
 
 use crate::import::row::{ImportedRow, Target};
+use crate::qualification::{PRESSURES_PA, TANK_PA, unit_of_pressure};
 use govtwin_model::units::seconds_from_nanos;
 
-/// Pressures of a governor's oil supply, Pa: from the oldest open-type governors to piston accumulators.
-const TANK_PA: [f64; 2] = [5.0e5, 5.0e7];
-/// Units in which a pressure may have been written, Pa.
-const PRESSURES_PA: [(&str, f64); 5] = [("bar", 1e5), ("MPa", 1e6), ("kPa", 1e3), ("psi", 6_894.757), ("Pa", 1.0)];
-/// A pressure of the kind that such a supply has most often, Pa.
-const USUAL_PA: [f64; 2] = [1.5e6, 2.5e7];
 /// The least correlation between spool and servomotor speed that decides on a sign.
 const DECIDES: f64 = 0.4;
 /// Time over which a speed is taken, ns.
@@ -60,18 +55,18 @@ pub(super) fn unit(target: Target, range: &Range, mapped: &str, ranged: bool) ->
     match target {
         Target::Esv => None,
         Target::TankPressure => {
-            if (TANK_PA[0]..=TANK_PA[1]).contains(&most) {
+            if TANK_PA.contains(&most) {
                 return None;
             }
             // What the file holds, where the unit is one of those tried.
             let factor =
                 PRESSURES_PA.iter().find(|(name, _)| name.eq_ignore_ascii_case(mapped)).map_or(1.0, |(_, pa)| *pa);
-            let usual = |(_, pa): &&(&str, f64)| (USUAL_PA[0]..=USUAL_PA[1]).contains(&(most / factor * pa));
-            let hint = PRESSURES_PA.iter().find(usual).filter(|_| !ranged);
-            let hint = hint.map_or(String::new(), |(name, _)| format!("; is it in {name}? then give `unit: {name}`"));
+            let hint = unit_of_pressure(most / factor).filter(|_| !ranged);
+            let hint = hint.map_or(String::new(), |name| format!("; is it in {name}? then give `unit: {name}`"));
             Some(format!(
                 "reaches {most:.4} Pa, expected {:.1e} to {:.1e} Pa of a governor's oil supply; the map says {stated}{hint}",
-                TANK_PA[0], TANK_PA[1]
+                TANK_PA.start(),
+                TANK_PA.end()
             ))
         }
         Target::ControlPressure => {

@@ -6,16 +6,7 @@ use super::trip::{TripSign, running_states, sign_of_trip};
 use crate::import::convert::{plain, pressure, share};
 use crate::import::map::{SignalMap, SignalPlace, TripRule};
 use crate::import::row::Target;
-
-/// Units that a pressure without one may have, Pa, with the range in which governors work.
-const PRESSURES_PA: [(&str, f64); 5] =
-    [("bar", 1e5), ("MPa", 1e6), ("Pa", 1.0), ("kPa", 1e3), ("psi", 6_894.757_293_168)];
-const USUAL_PA: [f64; 2] = [1.5e6, 2.5e7];
-
-/// The unit in which a pressure of this size is one of a governor.
-pub(super) fn guessed_pressure(most: f64) -> Option<(&'static str, f64)> {
-    PRESSURES_PA.into_iter().find(|(_, pa)| (USUAL_PA[0]..=USUAL_PA[1]).contains(&(most * pa)))
-}
+use crate::qualification::unit_of_pressure;
 
 /// The signal with unit, range and sign as the column shows them.
 pub(super) fn signal(
@@ -59,8 +50,8 @@ pub(super) fn signal(
             } else {
                 let stated = unknown_unit(&column.name)
                     .map_or("the file states no unit".to_owned(), |unit| format!("its unit `{unit}` is not known"));
-                let (unit, looks) = match guessed_pressure(most) {
-                    Some((unit, _)) => (unit, format!("looks like {unit}")),
+                let (unit, looks) = match unit_of_pressure(most) {
+                    Some(unit) => (unit, format!("looks like {unit}")),
                     None => ("Pa", "is none of a governor's oil in any; give it".to_owned()),
                 };
                 unit.clone_into(&mut signal.unit);
@@ -74,8 +65,16 @@ pub(super) fn signal(
             }
             let one_sided = matches!(target, Target::OpeningCommand | Target::ServomotorPosition);
             let farthest = least.abs().max(most.abs());
-            if share(&column.unit).is_some() {
+            if let Some(share) = share(&column.unit) {
                 signal.unit.clone_from(&column.unit);
+                let full = 1.0 / share.apply(1.0);
+                if target == Target::SpoolPosition && stands_half_way(column, full) {
+                    signal.conversion.range = Some([full / 2.0, full]);
+                    open.push(format!(
+                        "{id}: it stands at {} most of the time, which is taken for neutral; replace `range` by the values at neutral and at full stroke",
+                        rounded(full / 2.0)
+                    ));
+                }
             } else if column.unit.is_empty() && farthest <= 1.2 && (!one_sided || least > -0.1) && farthest > 0.05 {
                 "pu".clone_into(&mut signal.unit);
                 open.push(format!(
@@ -113,6 +112,15 @@ pub(super) fn signal(
         signal.conversion.unit = unit;
     }
     signal
+}
+
+/// Whether a spool's values count from fully closed, so that neutral, where it is most of the time, is half of all.
+fn stands_half_way(column: &SuggestedColumn, full: f64) -> bool {
+    let mut means: Vec<f64> = column.envelope.points().map(|(_, bucket)| bucket.mean() / full).collect();
+    let middle = means.len() / 2;
+    column.range.ends()[0] > -0.05 * full
+        && !means.is_empty()
+        && (0.4..=0.6).contains(means.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// What stands in brackets behind a name, or behind its last stroke, and has a letter.

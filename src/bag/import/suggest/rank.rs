@@ -4,13 +4,14 @@ use super::Suggestion;
 use super::column::SuggestedColumn;
 use super::machines::{machines, two_machines};
 use super::names::score;
-use super::propose::{guessed_pressure, rounded, signal};
+use super::propose::{rounded, signal};
 use super::relations::{Relation, WEAKEST, pairs, relations};
 use super::trio::best_trio;
 use super::trip::{TripSign, sign_of_trip};
 use crate::import::convert::{is_travel, pressure, share};
 use crate::import::map::{Map, SignalMap, SignalPlace};
 use crate::import::row::Target;
+use crate::qualification::unit_of_pressure;
 
 /// A column with less evidence is not proposed.
 pub(super) const ENOUGH: f64 = 2.0;
@@ -280,7 +281,7 @@ fn evidence(column: &SuggestedColumn, target: Target) -> (f64, Vec<String>) {
         sum -= 6.0;
     } else if target == Target::TankPressure {
         let [least, most] = column.range.ends();
-        if least > 0.0 && most < 2.0 * least && guessed_pressure(most).is_some() {
+        if least > 0.0 && most < 2.0 * least && unit_of_pressure(most).is_some() {
             sum += 1.0;
             why.push(format!("it stays between {} and {}", rounded(least), rounded(most)));
         }

@@ -1,0 +1,62 @@
+//! Whether the spool of a recording reads on the scale of the sheet: the sheet's regulator says how far it moves, and its ports how fast it moves the
+//! servomotor.
+//!
+//! A regulator of another gain moves the servomotor with the spool, and a loss of oil flow leaves the spool where the regulator wants it, as a
+//! transducer of another gain does as long as the spool is off its stops. Only what is recorded on another scale shows in both, by factors that cancel.
+
+use govtwin_model::metrics::Figures;
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::replay::{Scores, simulate};
+use govtwin_model::signal::{Signal, span};
+use govtwin_model::twin::{Cut, Twin};
+
+use super::time_scale::{DOUBTFUL, MOVED_PU, beginning};
+
+/// A smaller factor may be one of tolerances and faults: that of the two scales from 1 to 2 which is as far from both.
+const LEAST: f64 = std::f64::consts::SQRT_2;
+/// A spool that is asked to stand nearer to neutral, pu, is off its stops, also where its transducer reads half or twice.
+const OFF_STOPS_PU: f64 = 0.4;
+/// The squared correlation of the recorded spool with that of the sheet's regulator: less is no matter of scale.
+const TOGETHER: f64 = 0.75;
+
+/// What is to be said of a spool that reads on another scale; nothing where it does not, or the recording cannot tell.
+pub fn doubt_of_spool(recording: &Recording, unit: &Unit) -> Option<String> {
+    let recording = Recording::new("", beginning(recording).to_vec());
+    let of = |signal: Signal| recording.frames.iter().map(move |frame| signal.of(&frame.measured));
+    if !recording.has_command() || span(of(Signal::ServomotorPosition))? < MOVED_PU {
+        return None;
+    }
+    let asked = simulate(&mut Twin::new(unit).with_cut(Cut::Servomotor), &recording);
+    let asked = asked.iter().map(|estimate| Signal::SpoolPosition.of(&estimate.signals));
+    let both =
+        of(Signal::SpoolPosition).zip(asked).filter(|(read, asked)| read.is_finite() && asked.abs() < OFF_STOPS_PU);
+    let [squares, products, read_squares] = both.fold([0.0; 3], |[squares, products, read_squares], (read, asked)| {
+        [squares + asked * asked, products + read * asked, read_squares + read * read]
+    });
+    let factor = products / squares;
+    if products * factor < TOGETHER * read_squares || factor.max(1.0 / factor) < LEAST {
+        return None;
+    }
+    let [own, scaled] = [1.0, factor].map(|factor| driven(&recording, unit, factor));
+    if (scaled.rmse / own.rmse).powi(2) > DOUBTFUL || scaled.r2 < 1.0 - DOUBTFUL {
+        return None;
+    }
+    Some(format!(
+        "{} reads {factor:.2} times what the sheet's regulator asks for, and divided by that it moves the sheet's servomotor as recorded (error from {:.2} % to \
+         {:.2} %): its channel is scaled (a unit or `range` of an import?), or the stroke of the sheet's spool is another unit's (--params)",
+        Signal::SpoolPosition.id(),
+        own.rmse * 100.0,
+        scaled.rmse * 100.0
+    ))
+}
+
+/// Figures of the servomotor that the recorded spool drives, divided by a factor.
+fn driven(recording: &Recording, unit: &Unit, factor: f64) -> Figures {
+    let mut divided = recording.clone();
+    for frame in &mut divided.frames {
+        frame.measured.spool_position_pu /= factor;
+    }
+    let estimates = simulate(&mut Twin::new(unit).with_cut(Cut::Spool), &divided);
+    Scores::of(recording, &estimates).figures(Signal::ServomotorPosition)
+}
