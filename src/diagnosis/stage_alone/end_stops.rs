@@ -10,11 +10,14 @@ use crate::stage_alone::run::Run;
 use govtwin_model::frame::Frame;
 use govtwin_model::recording::Recording;
 use govtwin_model::signal::Signal;
+use govtwin_model::units::seconds_from_nanos;
 
 /// How near to an end of the travel a servomotor rests, as a share of it, and share of the samples that may lie beyond that end: noise does.
 const AT_END: f64 = 0.01;
 const BEYOND: f64 = 0.01;
-/// Samples one behind another that are a rest.
+/// How far a servomotor would have gone on in a rest, as a share of the travel: one that only turns round slowly is held by nothing.
+const DRIVEN_ON: f64 = 0.05;
+/// Fewest samples of a stretch between two rests.
 const FEWEST: usize = 5;
 /// Rounds in which stops and law are found, each by the other.
 const ROUNDS: usize = 2;
@@ -51,7 +54,8 @@ pub(crate) fn between_stops(recordings: &[Recording]) -> Option<BetweenStops> {
     let times: usize = all.iter().map(Vec::len).sum();
     let stopped = closed(recordings, &all, law.zero);
     Some(match told_apart(&stopped, &law) {
-        Some((Follows::Sum, left)) => {
+        Some((Follows::Sum, shares)) if follows != Follows::Sum || shares[0] < left[0] => {
+            let left = shares;
             BetweenStops { law, follows: Follows::Sum, left, stopped: Some((stopped, times)) }
         }
         _ => without,
@@ -81,7 +85,10 @@ fn rests(recordings: &[Recording], law: &Plain) -> Vec<Vec<RangeInclusive<usize>
                 let drives = way * law.speed(frames[row].measured.spool_position_pu) > 0.0;
                 drives && way * (end - position(&frames[row])) <= near
             };
-            let rests = samples.chunk_by(|&a, &b| is_held(a) && is_held(b)).filter(|rest| rest.len() >= FEWEST);
+            let step_s = |pair: &[usize]| seconds_from_nanos(frames[pair[1]].time_ns - frames[pair[0]].time_ns);
+            let goes = |pair: &[usize]| way * law.speed(frames[pair[0]].measured.spool_position_pu) * step_s(pair);
+            let driven_on = |rest: &&[usize]| rest.windows(2).map(goes).sum::<f64>() > DRIVEN_ON * (high - low);
+            let rests = samples.chunk_by(|&a, &b| is_held(a) && is_held(b)).filter(driven_on);
             let settled = rests.filter_map(|rest| settled(rest, |row| way * position(&frames[row])));
             settled.collect::<Vec<_>>()
         };

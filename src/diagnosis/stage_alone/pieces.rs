@@ -14,30 +14,29 @@ const LED: f64 = 0.25;
 const FEWEST: usize = 50;
 
 /// Cuts recordings into no more than so many pieces altogether, one of each recording at least; each with what drove it for a while before.
-///
-/// What drove a recording before it began nobody knows: where it is cut, its first piece begins as much later.
 #[must_use]
 pub fn pieces(recordings: &[Recording], most: usize) -> Vec<Recording> {
     let most = (most / recordings.len().max(1)).max(1);
     let mut all = Vec::new();
     for recording in recordings {
         let count = (recording.frames.len() / FEWEST).clamp(1, most);
-        let led = if count > 1 { LED } else { 0.0 };
-        let length_s = length_s_of(recording) / (count as f64 + led);
-        let mut edges = edges(recording, length_s, count, led);
+        let length_s = length_s_of(recording) / count as f64;
+        let mut edges = edges(recording, length_s, count, 0.0);
         edges[count] = recording.frames.len();
         for (k, pair) in edges.windows(2).enumerate().filter(|(_, pair)| pair[0] < pair[1]) {
             let name = match count {
                 1 => recording.name.clone(),
                 _ => format!("{}, part {} of {count}", recording.name, k + 1),
             };
-            all.push(behind(recording, name, pair[0]..pair[1], led * length_s));
+            all.push(behind(recording, name, pair[0]..pair[1], LED * length_s));
         }
     }
     all
 }
 
 /// Free runs of a length, one behind another, without what is left over at the end, s; each with what drove it for a while before.
+///
+/// What drove a recording before it began nobody knows, so that its first run begins as much later.
 #[must_use]
 pub fn windows(recording: &Recording, length_s: f64) -> Vec<Recording> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]

@@ -62,7 +62,9 @@ impl SetPoint {
         let goal = |command: f64| self.gain * command + self.level;
         let mut at = run.opening[0];
         // A loop at rest has gone as near to its goal as its play allows.
-        let mut drive = goal(run.spool[0]).clamp(at - self.half_play, at + self.half_play);
+        let acting = run.before.iter().rev().find(|(time_s, _)| *time_s <= -self.delay_s).or(run.before.first());
+        let acting = acting.filter(|_| self.delay_s > 0.0).map_or(run.spool[0], |(_, command)| *command);
+        let mut drive = goal(acting).clamp(at - self.half_play, at + self.half_play);
         let mut all = vec![at];
         stretches(run, self.delay_s, |stretch| {
             drive = self.driven(drive, stretch.ends.map(goal), stretch.length_s);

@@ -17,6 +17,8 @@ use govtwin_model::parameters::{ChannelReading, ChannelReadings, ENTRIES, Effect
 use govtwin_model::recording::Recording;
 use govtwin_model::signal::Signal;
 
+/// Longest time between rows by the clock of the unit, s: some twelve rows in a travel.
+const LONGEST_ROW_S: f64 = 1.0;
 /// Load over the force that the tank's pressure gives: enough that its effect can speed up either direction.
 const LOAD_SHARE: f64 = 0.35;
 /// Coulomb friction, the same way.
@@ -24,7 +26,7 @@ const FRICTION_SHARE: f64 = 0.02;
 /// Damping at full speed, as a share of the force that moves the piston.
 const DAMPING_SHARE: f64 = 0.1;
 /// Time to reach speed over the time for a full stroke.
-const INERTIA_SHARE: f64 = 0.001;
+const INERTIA_SHARE: f64 = 0.01;
 /// Least overlap that a fit starts from, over the farthest spool position.
 const OVERLAP_SHARE: f64 = 0.01;
 /// Share of its stroke that the servomotor is taken to have travelled, and where that begins, pu.
@@ -34,11 +36,12 @@ const HELD_FROM: f64 = 0.4;
 /// Steps between the spool's ends to which its zero is rounded before the fit.
 const ZERO_STEPS: f64 = 100.0;
 /// What the wide tolerances are: a factor of e either way is one and a half deviations or less.
-const WIDE: [(&str, f64); 4] = [
+const WIDE: [(&str, f64); 5] = [
     ("main_ports.width_m", 1.5),
     ("main_ports.overlap_m", 1.5),
     ("servomotor.viscous_damping_n_s_m", 1.5),
     ("servomotor.coulomb_friction_n", 1.0),
+    ("servomotor.moving_mass_kg", 1.0),
 ];
 /// The effect that takes up where the spool's zero lies, which nobody knows without a sheet.
 const SPOOL_ZERO: &str = "lvdt_bias";
@@ -112,7 +115,7 @@ pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit, may_hold: bool) ->
     let mut noise = expected(&reference.sensors);
     noise[Signal::ServomotorPosition as usize] = seen.noise;
     notes.push(
-        "No data sheet: speed, overlap, damping, friction and the spool's zero are fitted freely, from a stage that is equal in both \
+        "No data sheet: speed, overlap, damping, friction, mass and the spool's zero are fitted freely, from a stage that is equal in both \
          directions. Sizes are those of a servomotor with the reference unit's geometry; only ratios carry over."
             .to_owned(),
     );
@@ -168,7 +171,9 @@ fn unit(reference: &Unit, channels: ChannelReadings, law: &Plain, period_s: f64)
     servo.moving_mass_kg = INERTIA_SHARE * drive_n * servo.stroke_m / (speed_m_s * speed_m_s);
 
     let recorded_m_s = 0.5 * (law.above_1_s.abs() + law.below_1_s.abs()) * open_pu.min(law.saturates) * servo.stroke_m;
-    let time_scale = (recorded_m_s / speed_m_s).max(f64::MIN_POSITIVE);
+    // What crosses its travel within a few rows shows nothing of a servomotor; the width of the ports makes up for it.
+    let time_scale =
+        (recorded_m_s / speed_m_s).clamp(f64::MIN_POSITIVE, LONGEST_ROW_S / period_s.max(f64::MIN_POSITIVE));
     unit.recorded = ChannelReadings { time_scale, ..channels };
     // Ticks as long as the recording allows; the large loop does nothing here.
     p.regulator.small_loop_period_s = (0.1 * period_s * time_scale).clamp(1e-4, 0.02);

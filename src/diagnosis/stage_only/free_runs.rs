@@ -28,6 +28,8 @@ use govtwin_model::twin::Cut;
 
 /// The twin's error over the plain model's from which on the plain one may win: by less, the twin is as good.
 const CLEARLY: f64 = 1.05;
+/// Share of the squared movement that a sum leaves at most.
+const SUMS_UP: f64 = 0.5;
 /// Share of the squared error, of what a plain model of the same law closes, that named effects must close beside it.
 const NEARLY: f64 = 0.9;
 
@@ -40,6 +42,8 @@ pub(crate) struct Compared {
     pub drive: &'static str,
     /// The models: twins first.
     pub models: Vec<ComparedModel>,
+    /// RMS movement in a free run, pu: what a model that stands still would miss.
+    moved_pu: f64,
     /// The plain law in the numbers of the recordings, where it is driven by what drives the twin.
     law: Option<(Plain, PlainNumbers)>,
 }
@@ -77,6 +81,9 @@ impl Compared {
             .map(|half| half.iter().filter_map(|one| as_recorded(one, ready, deviation)).collect::<Vec<Run>>());
         let both: Vec<Run> = runs.iter().flatten().cloned().collect();
         let scale_pu = recorded.servomotor_position.scale_pu;
+        let moved = both.iter().flat_map(|run| run.opening.iter().map(|y| (scale_pu * (y - run.opening[0])).powi(2)));
+        let (square, count) = moved.fold((0.0, 0_usize), |(sum, count), one| (sum + one, count + 1));
+        compared.moved_pu = (square / count.max(1) as f64).sqrt();
         for kind in PlainKind::all() {
             let fitted = [kind.fitted(&runs[0]), kind.fitted(&runs[1]), kind.fitted(&both)];
             let [Some(first), Some(second), Some(whole)] = fitted else { continue };
@@ -124,7 +131,7 @@ impl Compared {
         Some(PlainLaw { law: *law, numbers, is_better })
     }
 
-    /// Whether a plain model that sums up what drives it predicts better than all that settle.
+    /// Whether a plain model that sums up what drives it predicts most of the movement, and better than all that settle.
     pub(crate) fn sums_up(&self) -> bool {
         let least = |settles: bool| {
             let plain = self.models.iter().filter(|model| {
@@ -132,7 +139,8 @@ impl Compared {
             });
             plain.map(|model| model.held_out).min_by(f64::total_cmp)
         };
-        least(false).zip(least(true)).is_some_and(|(sum, settled)| sum < settled)
+        let most = SUMS_UP.sqrt() * self.moved_pu;
+        least(false).zip(least(true)).is_some_and(|(sum, settled)| sum < settled && sum < most)
     }
 
     /// Whether a model settles within a run: one that would only long after it is a sum with a leak, and its set point means nothing.
