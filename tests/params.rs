@@ -348,3 +348,30 @@ proptest! {
         let _ = load(&damaged);
     }
 }
+
+#[test]
+fn a_clock_of_its_own_is_read_back_and_never_runs_backwards() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("unit.yaml");
+    let mut unit = params::reference();
+    unit.recorded.clock_ratio = 0.03125;
+    let overlay = Overlay {
+        unit: unit.clone(),
+        name: String::new(),
+        source: String::new(),
+        head: vec![],
+        comments: BTreeMap::new(),
+    };
+    params::write(&path, &overlay).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(text.contains("time: {scale: 0.03125}"), "{text}");
+    assert_eq!(params::load_sheet(&path).unwrap().unit, unit);
+    for (text, words) in [
+        ("recorded: {time: {scale: -2}}", "turns time round"),
+        ("recorded: {time: {scale: 2, offset: 1}}", "offset"),
+        ("recorded: {time: 2}", "seconds of the unit"),
+    ] {
+        let said = problems(text).join("; ");
+        assert!(said.contains(words), "{text}: {said}");
+    }
+}

@@ -269,7 +269,7 @@ impl Positions {
         match self {
             Self::Pu => Some(TICK_NS),
             Self::Recorded(channels) => {
-                Some(nanos_from_seconds(seconds_from_nanos(TICK_NS) / channels.time_scale).max(1))
+                Some(nanos_from_seconds(seconds_from_nanos(TICK_NS) / channels.clock_ratio).max(1))
             }
             Self::AnyUnit => None,
         }

@@ -4,6 +4,8 @@ pub mod batch;
 mod hold;
 mod now;
 mod readings;
+#[cfg(test)]
+mod tests;
 mod tick;
 
 use std::sync::Arc;
@@ -51,7 +53,7 @@ pub enum Cut {
 /// speeds. Measured signals that stand in at a cut hold from row to row; a measured spool is
 /// interpolated between two rows that both carry it, and the piston behind it is where it is first measured.
 ///
-/// Frames have the clock of the recording; a unit's [`ChannelReadings::time_scale`](crate::parameters::ChannelReadings) says how fast its own runs beside it.
+/// Frames have the clock of the recording; a unit's [`ChannelReadings::clock_ratio`](crate::parameters::ChannelReadings) says how fast its own runs beside it.
 ///
 /// A step allocates nothing, cannot fail and takes about 1/8000 of the time that it simulates. Twins are cheap to clone: plants are shared.
 ///
@@ -97,8 +99,8 @@ impl Twin {
         let mut plant = Plant::new(&unit.parameters);
         effects::apply(unit, &mut plant);
         let mut twin = Self::of_plant(plant, unit.parameters.oil.tank_pressure_pa, method);
-        let (setting, time_scale) = (&mut twin.setting, unit.recorded.time_scale);
-        (setting.tick_ns, setting.time_scale) = (tick_ns(setting.tick_s / time_scale), time_scale);
+        let (setting, clock_ratio) = (&mut twin.setting, unit.recorded.clock_ratio);
+        (setting.tick_ns, setting.clock_ratio) = (tick_ns(setting.tick_s / clock_ratio), clock_ratio);
         twin
     }
 
@@ -124,7 +126,7 @@ impl Twin {
             memory: vec![0.0; plant.terms.memory_len()],
             plant: Arc::new(plant),
             nominal_tank_pressure_pa,
-            setting: Setting { cut: Cut::None, tick_ns: tick_ns(tick_s), tick_s, time_scale: 1.0 },
+            setting: Setting { cut: Cut::None, tick_ns: tick_ns(tick_s), tick_s, clock_ratio: 1.0 },
             solver,
             running: false,
             now,
@@ -398,88 +400,4 @@ fn estimate(time_ns: i64, (spool_position_pu, servomotor_position_pu): (f64, f64
 
 fn first_finite(candidates: [f64; 3]) -> f64 {
     candidates.into_iter().find(|value| value.is_finite()).unwrap_or(0.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::frame::Inputs;
-    use crate::parameters::EffectSetting;
-    use crate::params::reference;
-    use crate::plant::lanes::Width;
-    use batch::BatchRow;
-
-    /// Rows of a spool that swings, by the clock of a recording; before the first sample only the spool is known.
-    fn rows(before: i64, row_ns: i64) -> Vec<Frame> {
-        let inputs = Inputs {
-            opening_command_pu: f64::NAN,
-            esv: EsvState::Normal,
-            tank_pressure_pa: f64::NAN,
-            piston_force_n: 0.0,
-        };
-        let row = |k: i64| {
-            let spool_position_pu = 0.3 * (0.07 * k as f64 + 1.0).sin();
-            let servomotor_position_pu = if k == 0 { 0.4 } else { f64::NAN };
-            Frame {
-                time_ns: k * row_ns,
-                inputs,
-                measured: Signals { spool_position_pu, servomotor_position_pu, ..Signals::NONE },
-            }
-        };
-        (-before..200).map(row).collect()
-    }
-
-    fn positions(twin: &mut Twin, rows: &[Frame]) -> Vec<f64> {
-        let all = rows.iter().map(|row| (row.time_ns, twin.step(row).signals.servomotor_position_pu));
-        all.filter(|(time_ns, _)| *time_ns >= 0).map(|(_, position)| position).collect()
-    }
-
-    #[test]
-    fn a_piston_is_where_it_is_first_measured_whatever_drove_it_before() {
-        // Rows between ticks as well as on them.
-        for row_ns in [50_000_000, 37_300_000] {
-            let mut unit = reference();
-            unit.parameters.regulator.small_loop_period_s = 0.02;
-            unit.parameters.regulator.large_loop_period_s = 0.2;
-            let mut twin = Twin::new(&unit).with_cut(Cut::Spool);
-            let [alone, with_history] = [0, 30].map(|before| positions(&mut twin.clone(), &rows(before, row_ns)));
-            assert!((with_history[0] - 0.4).abs() < 1e-12, "{}", with_history[0]);
-            let apart = alone.iter().zip(&with_history).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(apart < 1e-9, "{apart}");
-            let batch = |frame: &Frame| BatchRow { frame: *frame, is_sample: frame.time_ns >= 0 };
-            let lanes: Vec<BatchRow> = rows(30, row_ns).iter().map(batch).collect();
-            let mut twins = [twin.clone(), twin.clone()];
-            let width = Width::holding(2).unwrap();
-            let beside = batch::estimates(width, &mut twins, vec![lanes.into_iter()]);
-            let beside: Vec<f64> = beside[1].iter().map(|estimate| estimate.signals.servomotor_position_pu).collect();
-            assert_eq!(beside, with_history);
-            twin.reset();
-        }
-    }
-
-    #[test]
-    fn what_comes_late_behind_the_spool_has_its_history() {
-        let mut unit = reference();
-        unit.effects = vec![EffectSetting { id: "valve_lag".to_owned(), values: vec![0.4] }];
-        let twin = Twin::new(&unit).with_cut(Cut::Spool);
-        let moved = |positions: &[f64]| positions.iter().map(|y| y - positions[0]).collect::<Vec<f64>>();
-        let late = moved(&positions(&mut twin.clone(), &rows(60, 50_000_000)));
-        let mut whole = rows(60, 50_000_000);
-        (whole[0].measured.servomotor_position_pu, whole[60].measured.servomotor_position_pu) = (0.4, f64::NAN);
-        let wanted = moved(&positions(&mut twin.clone(), &whole));
-        let apart = late.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        // Where the piston begins makes a small difference of its own; a lag without its history would be off by much more.
-        let alone = moved(&positions(&mut twin.clone(), &rows(0, 50_000_000)));
-        let without = alone.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        assert!(apart < 0.5 * without, "{apart} of {without}");
-    }
-
-    #[test]
-    fn a_unit_on_a_clock_of_its_own_moves_as_fast_as_that() {
-        let mut slow = reference();
-        slow.recorded.time_scale = 1.0 / 64.0;
-        let [usual, slow] = [(reference(), 50_000_000), (slow, 64 * 50_000_000)]
-            .map(|(unit, row_ns)| positions(&mut Twin::new(&unit).with_cut(Cut::Spool), &rows(0, row_ns)));
-        assert_eq!(usual, slow);
-    }
 }

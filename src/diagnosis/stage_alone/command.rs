@@ -51,7 +51,9 @@ pub fn command_for_spool(recordings: &mut [Recording]) -> Option<StandIn> {
         frame.measured.spool_position_pu = frame.inputs.opening_command_pu;
     }
     let mut sampled = sampled(recordings);
-    sampled.iter_mut().for_each(|recording| join_spool(&mut recording.frames));
+    for recording in &mut sampled {
+        join_spool(&mut recording.frames);
+    }
     let Follows::Spool { .. } = between_stops(&sampled)?.follows else {
         let note =
             "No spool position was recorded: the command stands in for it, as the command of the valve.".to_owned();

@@ -100,7 +100,9 @@ pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit, may_hold: bool) ->
     let (channels, mut notes) = into_pu(&mut whole, &law)?;
     notes.extend(stopped_words);
     if held_s > 0.0 {
-        whole.iter_mut().for_each(|recording| hold_spool(&mut recording.frames));
+        for recording in &mut whole {
+            hold_spool(&mut recording.frames);
+        }
         notes.push(
             "The servomotor follows the spool by half of the time between rows or more: the spool is taken as held from row to row, as a digital \
              controller sends it."
@@ -172,11 +174,11 @@ fn unit(reference: &Unit, channels: ChannelReadings, law: &Plain, period_s: f64)
 
     let recorded_m_s = 0.5 * (law.above_1_s.abs() + law.below_1_s.abs()) * open_pu.min(law.saturates) * servo.stroke_m;
     // What crosses its travel within a few rows shows nothing of a servomotor; the width of the ports makes up for it.
-    let time_scale =
+    let clock_ratio =
         (recorded_m_s / speed_m_s).clamp(f64::MIN_POSITIVE, LONGEST_ROW_S / period_s.max(f64::MIN_POSITIVE));
-    unit.recorded = ChannelReadings { time_scale, ..channels };
+    unit.recorded = ChannelReadings { clock_ratio, ..channels };
     // Ticks as long as the recording allows; the large loop does nothing here.
-    p.regulator.small_loop_period_s = (0.1 * period_s * time_scale).clamp(1e-4, 0.02);
+    p.regulator.small_loop_period_s = (0.1 * period_s * clock_ratio).clamp(1e-4, 0.02);
     p.regulator.large_loop_period_s = 10.0 * p.regulator.small_loop_period_s;
     for (tolerance, entry) in unit.tolerances.iter_mut().zip(ENTRIES) {
         *tolerance = WIDE.iter().find(|(key, _)| *key == entry.key).map(|(_, wide)| Tolerance::LogNormal(*wide));
@@ -249,7 +251,7 @@ fn into_pu(recordings: &mut [Recording], law: &Plain) -> Option<(ChannelReadings
     let channels = ChannelReadings {
         spool_position: ChannelReading::between(zero, full),
         servomotor_position: ChannelReading { scale_pu, offset_pu: TRAVELLED.1 - begins * scale_pu },
-        time_scale: 1.0,
+        clock_ratio: 1.0,
     };
     for frame in recordings.iter_mut().flat_map(|recording| &mut recording.frames) {
         let measured = &mut frame.measured;

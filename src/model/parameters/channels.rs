@@ -42,7 +42,7 @@ pub struct ChannelReadings {
     /// The servomotor's position.
     pub servomotor_position: ChannelReading,
     /// Seconds of the unit for each second recorded: a stage of unknown size is one of a usual speed on a clock of its own.
-    pub time_scale: f64,
+    pub clock_ratio: f64,
 }
 
 impl Default for ChannelReadings {
@@ -51,7 +51,7 @@ impl Default for ChannelReadings {
         Self {
             spool_position: ChannelReading::default(),
             servomotor_position: ChannelReading::default(),
-            time_scale: 1.0,
+            clock_ratio: 1.0,
         }
     }
 }
@@ -60,7 +60,7 @@ impl ChannelReadings {
     /// What 1 of the unit is by the clock of the recordings: seconds are theirs, all else is the unit's.
     #[must_use]
     pub fn of_unit(&self, unit: &str) -> f64 {
-        if unit == "s" { 1.0 / self.time_scale } else { 1.0 }
+        if unit == "s" { 1.0 / self.clock_ratio } else { 1.0 }
     }
 }
 

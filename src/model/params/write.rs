@@ -127,16 +127,16 @@ fn recorded(lines: &mut Vec<String>, unit: &Unit) {
     if unit.recorded == ChannelReadings::default() {
         return;
     }
-    let ChannelReadings { spool_position, servomotor_position, time_scale } = unit.recorded;
+    let ChannelReadings { spool_position, servomotor_position, clock_ratio } = unit.recorded;
     lines.push(line(0, "recorded", "", "pu = recorded × scale + offset"));
     let channels = [("spool_position", spool_position), ("servomotor_position", servomotor_position)];
     for (name, reading) in channels.into_iter().filter(|(_, reading)| *reading != ChannelReading::default()) {
         let (scale, offset) = (number_text(reading.scale_pu), number_text(reading.offset_pu));
         lines.push(line(2, name, &format!("{{scale: {scale}, offset: {offset}}}"), ""));
     }
-    if time_scale != 1.0 {
+    if clock_ratio != 1.0 {
         let comment = "seconds of the unit for each second recorded";
-        lines.push(line(2, "time", &format!("{{scale: {}}}", number_text(time_scale)), comment));
+        lines.push(line(2, "time", &format!("{{scale: {}}}", number_text(clock_ratio)), comment));
     }
 }
 

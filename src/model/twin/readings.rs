@@ -38,7 +38,7 @@ pub(super) fn piston_reading_pu<T: Real>(blocks: &Blocks<'_, T>, state: &State<T
 /// Both positions as shown at a time less than a tick after the last one, pu: spool and servomotor.
 #[inline(always)]
 pub(super) fn positions_pu<T: Real>(blocks: &Blocks<'_, T>, now: &Now<T>, setting: Setting, time_ns: i64) -> (T, T) {
-    let since_s = setting.time_scale * seconds_from_nanos(time_ns - now.time_ns).max(0.0);
+    let since_s = setting.clock_ratio * seconds_from_nanos(time_ns - now.time_ns).max(0.0);
     let moving_s = if setting.cut == Cut::Spool { 0.0 } else { since_s };
     let moved_pu = if since_s > 0.0 {
         piston_reading_pu(blocks, &now.state, since_s) - piston_reading_pu(blocks, &now.state, 0.0)

@@ -25,7 +25,7 @@ pub(super) struct Setting {
     pub tick_ns: i64,
     pub tick_s: f64,
     /// Seconds of the plant for each second of the frames.
-    pub time_scale: f64,
+    pub clock_ratio: f64,
 }
 
 /// What a tick shows to terms.

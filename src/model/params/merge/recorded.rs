@@ -44,7 +44,7 @@ impl Merge<'_> {
             let recorded = &mut self.sheet.unit.recorded;
             let reading = ChannelReading { scale_pu, offset_pu };
             match name {
-                TIME => recorded.time_scale = scale_pu,
+                TIME => recorded.clock_ratio = scale_pu,
                 "spool_position" => recorded.spool_position = reading,
                 _ => recorded.servomotor_position = reading,
             }
