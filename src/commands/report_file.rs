@@ -87,10 +87,13 @@ pub fn sealed(mut report: Value) -> Value {
     report
 }
 
+/// Keys that have no digest: the digests themselves, and how long it took, which alone differs from run to run.
+const WITHOUT: [&str; 2] = [DIGESTS, "seconds"];
+
 /// SHA-256 of each section: of each key, or of those below it.
 fn digests(report: &Value) -> BTreeMap<String, String> {
     let mut all = BTreeMap::new();
-    for (key, section) in report.as_object().into_iter().flatten().filter(|(key, _)| *key != DIGESTS) {
+    for (key, section) in report.as_object().into_iter().flatten().filter(|(key, _)| !WITHOUT.contains(&key.as_str())) {
         match section {
             Value::Object(below) => {
                 all.extend(below.iter().map(|(last, value)| (format!("{key}.{last}"), sha256(value.to_string()))));

@@ -36,12 +36,13 @@ pub fn pieces(recordings: &[Recording], most: usize) -> Vec<Recording> {
 
 /// Free runs of a length, one behind another, without what is left over at the end, s; each with what drove it for a while before.
 ///
-/// What drove a recording before it began nobody knows, so that its first run begins as much later.
+/// What drove a recording before it began nobody knows, so that its first run begins as much later, unless it `begins_at_rest`.
 #[must_use]
-pub fn windows(recording: &Recording, length_s: f64) -> Vec<Recording> {
+pub fn windows(recording: &Recording, length_s: f64, begins_at_rest: bool) -> Vec<Recording> {
+    let lead = if begins_at_rest { 0.0 } else { LEAD };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
-    let count = ((length_s_of(recording) / length_s - LEAD).max(0.0) * (1.0 + 1e-9)) as usize;
-    let edges = edges(recording, length_s, count, LEAD);
+    let count = ((length_s_of(recording) / length_s - lead).max(0.0) * (1.0 + 1e-9)) as usize;
+    let edges = edges(recording, length_s, count, lead);
     edges.windows(2).map(|pair| behind(recording, recording.name.clone(), pair[0]..pair[1], LEAD * length_s)).collect()
 }
 

@@ -11,7 +11,7 @@ use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, twin_of};
 use crate::model::FittedModel;
 use crate::preparation::{Preparation, StageAlone};
-use crate::result::{ComparedModel, ModelParameter};
+use crate::result::{ComparedModel, ModelParameter, Setup};
 use crate::stage_alone::command::Deviation;
 use crate::stage_alone::pieces::windows;
 use crate::stage_alone::plain::Plain;
@@ -64,7 +64,7 @@ impl Compared {
             .filter_map(|one| Run::of(&one))
             .collect();
         let mut compared = Self { free_run_s: free_run_s(&whole), drive, ..Self::default() };
-        let Some(halves) = halves(&stage.whole, compared.free_run_s) else { return compared };
+        let Some(halves) = halves(&stage.whole, compared.free_run_s, ready.setup) else { return compared };
         for model in twins {
             let errors = [0, 1].map(|half| {
                 let problem = Problem::new(halves[1 - half].clone(), &model.unit(), &ready.noise);
@@ -224,9 +224,12 @@ fn wins(one: &ComparedModel, other: &ComparedModel) -> bool {
 }
 
 /// Free runs of the recordings, by half: of several recordings the first ones and the others; none where a half has none.
-fn halves(whole: &[Recording], length_s: f64) -> Option<[Vec<PreparedRecording>; 2]> {
+fn halves(whole: &[Recording], length_s: f64, setup: Setup) -> Option<[Vec<PreparedRecording>; 2]> {
+    // Processes of a unit with a sheet begin at rest.
+    let at_rest = setup != Setup::StageFree;
     let of = |half: &[Recording]| -> Vec<PreparedRecording> {
-        let runs = half.iter().flat_map(|recording| windows(recording, length_s)).map(PreparedRecording::free_run);
+        let runs =
+            half.iter().flat_map(|recording| windows(recording, length_s, at_rest)).map(PreparedRecording::free_run);
         runs.filter(|recording| recording.samples.len() > 2).collect()
     };
     let halves = match whole {
