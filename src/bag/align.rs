@@ -11,7 +11,7 @@ use govtwin_model::units::seconds_from_nanos;
 pub(super) const ROW_LIMIT: i64 = 10_000_000;
 
 /// Rows further apart than this are of two clocks, ns: a day.
-pub(super) const FARTHEST_NS: i64 = 86_400_000_000_000;
+pub const FARTHEST_NS: i64 = 86_400_000_000_000;
 
 /// Whether rows are of one clock, and no more than can be simulated, with a grid of this period below them.
 ///

@@ -81,6 +81,7 @@ use govtwin_model::parameters::ChannelReadings;
 use govtwin_model::recording::Recording;
 use govtwin_model::units::{TICK_NS, nanos_from_seconds, seconds_from_nanos};
 
+pub use align::FARTHEST_NS;
 pub use error::BagError;
 pub use field::{FieldPath, FieldReader, FieldValue};
 pub use finding::{Finding, Kind, Severity};

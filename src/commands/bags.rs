@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::ArgAction;
 use govtwin_bag::import::Map;
-use govtwin_bag::{Health, Interpolation, Positions, ReadOptions, Stream, Topics, Warning};
+use govtwin_bag::{FARTHEST_NS, Health, Interpolation, Positions, ReadOptions, Stream, Topics, Warning};
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
 use govtwin_model::units::TICK_NS;
@@ -178,9 +178,6 @@ pub struct GivenBag {
     pub excerpt: Option<String>,
 }
 
-/// No two rows are so far apart.
-const DAY_NS: i64 = 86_400_000_000_000;
-
 /// Why the program's own simulations are no evidence beside measurements.
 const OWN: &str = "simulated by govtwin's own twin, which says nothing of the unit that the other recordings are of";
 
@@ -271,7 +268,7 @@ struct Reading {
 /// How recordings are read for a diagnosis: command and pressure run from sample to sample, on a grid of the twin's own tick.
 pub fn options(topics: Topics, positions: Positions) -> ReadOptions {
     // Of a stage in any unit only the rows that were recorded count.
-    let period_ns = if positions == Positions::AnyUnit { DAY_NS } else { TICK_NS };
+    let period_ns = if positions == Positions::AnyUnit { FARTHEST_NS } else { TICK_NS };
     let interpolation = Interpolation::Sharp { period_ns };
     ReadOptions { positions, topics, interpolation, required: vec![Stream::ServoState] }
 }

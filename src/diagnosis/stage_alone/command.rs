@@ -1,6 +1,6 @@
 //! Command and position without a spool: what the command is to the servomotor, and what stands in for the spool.
 
-use crate::likelihood::prepared::{PreparedRecording, join_spool};
+use crate::likelihood::prepared::join_spool;
 use crate::stage_alone::competing_laws::Follows;
 use crate::stage_alone::end_stops::between_stops;
 use crate::stage_alone::pieces::{PIECES, pieces};
@@ -60,9 +60,7 @@ pub fn command_for_spool(recordings: &mut [Recording]) -> Option<StandIn> {
         return Some(StandIn { note, deviation: None });
     };
     // Fitted with its lag: while the position is still on its way, the line over the command is not where it goes.
-    let pieces: Vec<PreparedRecording> =
-        pieces(&sampled, PIECES).into_iter().map(PreparedRecording::free_run).collect();
-    let SetPoint { gain, level, .. } = SetPoint::fitted(&Run::all(&pieces), true)?;
+    let SetPoint { gain, level, .. } = SetPoint::fitted(&Run::of_pieces(pieces(&sampled, PIECES)), true)?;
     let deviation = Deviation { gain, level };
     for frame in recordings.iter_mut().flat_map(|recording| &mut recording.frames) {
         let measured = &mut frame.measured;

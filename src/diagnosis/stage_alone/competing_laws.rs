@@ -4,7 +4,6 @@
 //! servomotor behind that spool, but a follower (a closed loop behind its set point, a spring-loaded cylinder, a tank), and one of which no law of the
 //! spool knows more than its own level or drift is driven by something else. No limit is set: the law that predicts best has it.
 
-use crate::likelihood::prepared::PreparedRecording;
 use crate::stage_alone::flexible::{broken_line, corners};
 use crate::stage_alone::pieces::{PIECES, pieces};
 use crate::stage_alone::plain::Plain;
@@ -34,9 +33,7 @@ pub enum Follows {
 
 /// What the position makes of the spool in recordings, as [`follows`].
 pub(crate) fn told_apart(recordings: &[Recording], law: &Plain) -> Option<(Follows, [f64; 3])> {
-    let pieces: Vec<PreparedRecording> =
-        pieces(recordings, PIECES).into_iter().map(PreparedRecording::free_run).collect();
-    follows(&Run::all(&pieces), law)
+    follows(&Run::of_pieces(pieces(recordings, PIECES)), law)
 }
 
 /// The law that predicts best, and the share of the squared movement that each leaves: sum, spool, nothing.

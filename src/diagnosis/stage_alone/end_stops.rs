@@ -2,7 +2,6 @@
 
 use std::ops::RangeInclusive;
 
-use crate::likelihood::prepared::PreparedRecording;
 use crate::stage_alone::competing_laws::{Follows, told_apart};
 use crate::stage_alone::pieces::{PIECES, pieces};
 use crate::stage_alone::plain::{Plain, plain};
@@ -12,8 +11,9 @@ use govtwin_model::recording::Recording;
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
-/// How near to an end of the travel a servomotor rests, as a share of it, and share of the samples that may lie beyond that end: noise does.
+/// How near to an end of the travel a servomotor rests, as a share of it.
 const AT_END: f64 = 0.01;
+/// Share of the samples that may lie beyond an end: noise does.
 const BEYOND: f64 = 0.01;
 /// How far a servomotor would have gone on in a rest, as a share of the travel: one that only turns round slowly is held by nothing.
 const DRIVEN_ON: f64 = 0.05;
@@ -39,7 +39,7 @@ pub(crate) struct BetweenStops {
 ///
 /// A position that settles rests wherever it is sent, and so it does not sum up the spool between its ends either. One that does is held by stops there.
 pub(crate) fn between_stops(recordings: &[Recording]) -> Option<BetweenStops> {
-    let mut law = fitted(pieces(recordings, PIECES))?;
+    let mut law = plain(&Run::of_pieces(pieces(recordings, PIECES)))?;
     let (follows, left) = told_apart(recordings, &law)?;
     let without = BetweenStops { law, follows, left, stopped: None };
     let mut all = Vec::new();
@@ -48,7 +48,7 @@ pub(crate) fn between_stops(recordings: &[Recording]) -> Option<BetweenStops> {
         if all.iter().all(Vec::is_empty) {
             return Some(without);
         }
-        let Some(next) = fitted(between(recordings, &all)) else { return Some(without) };
+        let Some(next) = plain(&Run::of_pieces(between(recordings, &all))) else { return Some(without) };
         law = next;
     }
     let times: usize = all.iter().map(Vec::len).sum();
@@ -60,10 +60,6 @@ pub(crate) fn between_stops(recordings: &[Recording]) -> Option<BetweenStops> {
         }
         _ => without,
     })
-}
-
-fn fitted(pieces: Vec<Recording>) -> Option<Plain> {
-    plain(&Run::all(&pieces.into_iter().map(PreparedRecording::free_run).collect::<Vec<_>>()))
 }
 
 /// The rows of each recording in which a stop holds the servomotor, rest by rest.

@@ -9,7 +9,7 @@ use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 /// Pieces that all recordings of a stage without a data sheet are cut into, at most: each is left out in turn.
 pub(crate) const PIECES: usize = 6;
 /// How much of what drove it before a piece is looked at, as a share of its length.
-const LED: f64 = 0.25;
+const LEAD_OF_PIECE: f64 = 0.25;
 /// Fewest samples of a piece.
 const FEWEST: usize = 50;
 
@@ -28,7 +28,7 @@ pub fn pieces(recordings: &[Recording], most: usize) -> Vec<Recording> {
                 1 => recording.name.clone(),
                 _ => format!("{}, part {} of {count}", recording.name, k + 1),
             };
-            all.push(behind(recording, name, pair[0]..pair[1], LED * length_s));
+            all.push(behind(recording, name, pair[0]..pair[1], LEAD_OF_PIECE * length_s));
         }
     }
     all

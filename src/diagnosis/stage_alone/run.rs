@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::likelihood::prepared::{PreparedRecording, is_held};
 use govtwin_model::frame::Frame;
+use govtwin_model::recording::Recording;
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
@@ -101,6 +102,11 @@ impl Run {
     #[must_use]
     pub fn all(recordings: &[PreparedRecording]) -> Vec<Self> {
         recordings.iter().filter_map(Self::of).collect()
+    }
+
+    /// Those of pieces whose every row holds a spool position.
+    pub(crate) fn of_pieces(pieces: Vec<Recording>) -> Vec<Self> {
+        pieces.into_iter().filter_map(|piece| Self::of(&PreparedRecording::free_run(piece))).collect()
     }
 
     /// Its length, s.
