@@ -282,7 +282,7 @@ pub struct Picture {
 
 impl Picture {
     /// Panels below each other with one horizontal axis: signals over time.
-    pub(crate) fn stacked(description: impl Into<String>, panels: Vec<Panel>) -> Self {
+    pub fn stacked(description: impl Into<String>, panels: Vec<Panel>) -> Self {
         Self { shared_x: true, ..Self::grid(description, 1, panels) }
     }
 
