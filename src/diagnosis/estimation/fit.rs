@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 
 use crate::estimation::coordinate::{Coordinate, Judge, Residuals, prior_square, square, subject_at};
-use crate::estimation::descent::{correct, step};
+use crate::estimation::descent::{Tried, correct, step};
 use crate::estimation::linear::normal;
 
 /// Step of a forward difference where nothing is rough, in units of a coordinate.
@@ -302,9 +302,9 @@ impl<'a, C: Coordinate> Descent<'a, C> {
             tried.iter().zip(candidates).map(|(residuals, candidate)| self.total(residuals, candidate)).collect();
         let best = (0..totals.len()).min_by(|&a, &b| totals[a].total_cmp(&totals[b])).unwrap_or(0);
         // The shortest step says most about the slopes here, and the one taken is learned of last.
-        for k in (0..totals.len()).filter(|&k| k != best).chain([best]) {
-            correct(&mut self.slopes, &self.positions, &candidates[k], &self.residuals, &tried[k]);
-        }
+        let in_order = (0..totals.len()).filter(|&k| k != best).chain([best]);
+        let in_order: Vec<Tried<'_>> = in_order.map(|k| Tried { to: &candidates[k], after: &tried[k] }).collect();
+        correct(&mut self.slopes, &self.positions, &self.residuals, &in_order);
         let mut gain = 0.0;
         if totals[best] < self.cost {
             gain = self.cost - totals[best];

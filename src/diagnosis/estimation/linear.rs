@@ -50,6 +50,30 @@ pub fn crossed(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     blocks.into_iter().fold(DMatrix::zeros(a.ncols(), b.ncols()), |sum, block| sum + block)
 }
 
+/// Columns whose products are made together; what lies below the diagonal is not made twice.
+const PANEL_COLUMNS: usize = 64;
+
+/// `aᵀ a` of a tall matrix of many columns.
+#[must_use]
+pub fn gram(a: &DMatrix<f64>) -> DMatrix<f64> {
+    let of_block = |block: usize| {
+        let first = block * BLOCK_ROWS;
+        let rows = a.rows(first, BLOCK_ROWS.min(a.nrows() - first));
+        let across = rows.transpose();
+        let mut gram = DMatrix::zeros(a.ncols(), a.ncols());
+        for left in (0..a.ncols()).step_by(PANEL_COLUMNS) {
+            let right = a.ncols().min(left + PANEL_COLUMNS);
+            let panel = across.rows(0, right) * rows.columns(left, right - left);
+            gram.view_mut((0, left), panel.shape()).copy_from(&panel);
+        }
+        gram
+    };
+    let blocks: Vec<DMatrix<f64>> = (0..a.nrows().div_ceil(BLOCK_ROWS)).into_par_iter().map(of_block).collect();
+    let mut gram = blocks.into_iter().fold(DMatrix::zeros(a.ncols(), a.ncols()), |sum, block| sum + block);
+    gram.fill_lower_triangle_with_upper_triangle();
+    gram
+}
+
 /// Normal matrix and gradient, priors included; slopes behind those of the coordinates have none.
 #[must_use]
 pub fn normal<C: Coordinate>(
@@ -123,5 +147,13 @@ mod tests {
         assert!(solved < 0.95 * nothing, "{solved} of {nothing}");
         let projected = Projection::new(&free_parameters, &positions, &slopes, 2.0).cost(&residuals);
         assert!((projected - solved).abs() < 1e-6 * solved, "{projected} for {solved}");
+    }
+
+    #[test]
+    fn a_gram_matrix_is_the_product_with_the_transpose() {
+        let a = DMatrix::from_fn(BLOCK_ROWS + 5, 2 * PANEL_COLUMNS + 3, |row, column| {
+            ((7 * row + 3 * column) as f64).sin()
+        });
+        assert!((gram(&a) - a.transpose() * &a).amax() < 1e-9);
     }
 }

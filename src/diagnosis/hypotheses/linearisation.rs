@@ -12,7 +12,7 @@ mod hidden;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::estimation::coordinate::Coordinate;
-use crate::estimation::linear::crossed;
+use crate::estimation::linear::gram;
 use crate::hypotheses::profile::{Atom, ProfilePlace};
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
@@ -102,7 +102,7 @@ impl Linearisation {
                 mark.gemv(-1.0, own, change, 1.0);
             }
             all.set_column(all.ncols() - 1, at);
-            crossed(&all, &all)
+            gram(&all)
         };
         let grams = (0..problem.recordings.len()).map(gram_of);
         let gram = grams.reduce(|a, b| a + b).unwrap_or_else(|| DMatrix::zeros(1, 1));
