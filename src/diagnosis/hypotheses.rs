@@ -217,7 +217,6 @@ impl<'a> Exploration<'a> {
         for hypothesis in explorer.scouted(&jobs) {
             known.take(hypothesis);
         }
-        known.refine(&explorer);
         Self { explorer, sheet, discrepancy, linearisation, known }
     }
 
@@ -227,10 +226,12 @@ impl<'a> Exploration<'a> {
         self.known.ordered().first().map(|leader| leader.model.unit())
     }
 
-    /// Goes on: all sets are weighed anew at the leader and fitted, until it stands.
+    /// Goes on: the leading sets are fitted with care, and all sets are weighed anew at the leader and fitted, until it stands.
     #[must_use]
     pub fn finish(self, progress: &(dyn Fn(&str, f64) + Sync)) -> Explored {
         let Self { explorer, sheet, discrepancy, linearisation, mut known } = self;
+        progress("fitting the likeliest sets with care", 0.5);
+        known.refine(&explorer);
         for round in 0..ROUNDS {
             let Some(leader) = known.ordered().first().map(|leader| (*leader).clone()) else { break };
             if leader.effects.is_empty() {
