@@ -13,6 +13,9 @@ const COMPARED: usize = 3;
 /// By so much a set may cost more than one that it holds before it is fitted anew: less says nothing.
 const UNTOLD: f64 = 1.0;
 
+/// By so much evidence a set may be behind the leader and still be fitted on, nats. A fit with care brought less than 80 to any set of the practice units.
+const WITHIN_REACH: f64 = 200.0;
+
 /// Pairs that are united with the likeliest one each time.
 const UNITED: usize = 2;
 
@@ -48,10 +51,24 @@ impl KnownSets {
         (least.model.cost() + UNTOLD < set.model.cost()).then_some(least)
     }
 
+    /// Least evidence of what is fitted on.
+    fn least_evidence(&self) -> f64 {
+        self.ordered().first().map_or(f64::NEG_INFINITY, |leader| leader.log_evidence - WITHIN_REACH)
+    }
+
     /// Fits sets that cost more than one which they hold anew, from where that one stands, its further effects at nothing and as they were: from nothing a
-    /// fit ends no higher than it began. Smaller sets come first, since larger ones begin there.
+    /// fit ends no higher than it began. Smaller sets come first, since larger ones begin there. Of several effects they are given up where the one that
+    /// they hold is out of reach of the leader.
     fn begin_anew_within(&mut self, explorer: &Explorer<'_>) {
         for size in 1..=MOST {
+            let least = self.least_evidence();
+            let is_hopeless = |set: &Hypothesis| {
+                size > 1 && self.cheaper_within(set).is_some_and(|within| within.log_evidence < least)
+            };
+            let of_size = self.fitted.values().filter(|one| one.effects.len() == size);
+            let hopeless: Vec<Vec<usize>> =
+                of_size.filter(|one| is_hopeless(one)).map(|one| one.effects.clone()).collect();
+            self.fitted.retain(|effects, _| !hopeless.contains(effects));
             let dear = self.fitted.values().filter(|one| one.effects.len() == size);
             let pairs: Vec<(&Hypothesis, &Hypothesis)> =
                 dear.filter_map(|one| Some((one, self.cheaper_within(one)?))).collect();
@@ -88,12 +105,12 @@ impl KnownSets {
         let nothing_leads = self.ordered().first().is_some_and(|leader| leader.effects.is_empty());
         let singles = nothing_leads || is_stage_alone(explorer.problem);
         let is_single = |one: &Hypothesis| singles && one.effects.len() == 1;
+        let least = self.least_evidence();
         let chosen: Vec<Hypothesis> = promising
             .into_iter()
-            .map(|(_, one)| one)
             .enumerate()
-            .filter(|(place, one)| *place < leaders(explorer.problem) || is_single(one))
-            .map(|(_, one)| one)
+            .filter(|(place, (promise, one))| *place < leaders(explorer.problem) && *promise > least || is_single(one))
+            .map(|(_, (_, one))| one)
             .filter(|leader| !leader.refined)
             .cloned()
             .collect();
@@ -102,8 +119,9 @@ impl KnownSets {
         let leading: Vec<Vec<usize>> = self.ordered().iter().take(COMPARED).map(|one| one.effects.clone()).collect();
         let is_within =
             |one: &&Hypothesis| leading.iter().any(|set| one.effects.len() + 1 == set.len() && one.is_within(set));
-        let within: Vec<Hypothesis> =
-            self.fitted.values().filter(is_within).filter(|one| !one.refined).cloned().collect();
+        let least = self.least_evidence();
+        let is_open = |one: &&Hypothesis| !one.refined && promise(one) > least;
+        let within: Vec<Hypothesis> = self.fitted.values().filter(is_within).filter(is_open).cloned().collect();
         self.settle(explorer.refined(&within));
         self.begin_anew_within(explorer);
         // Slopes and residuals are nearly all of the memory.
