@@ -56,7 +56,7 @@ impl Followed {
         let errors = self.positions[1] - 2.0 * self.products + self.commands[1];
         let left_by_offset = errors - (self.positions[0] - self.commands[0]).powi(2) / self.count;
         let tells = left < LEFT * variance && left < left_by_offset && variance > self.count * MOVED_PU.powi(2);
-        (tells && may_be_gain(gain) && (gain - 1.0).abs() > REST_PU).then_some(gain)
+        (tells && may_be_gain(gain) && (gain - 1.0).abs() > 0.5 * ALIKE).then_some(gain)
     }
 }
 
