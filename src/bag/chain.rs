@@ -3,7 +3,7 @@
 //! A servomotor follows its command with a delay and comes to rest where the command is. Its spool drives it: its speed has the spool's sign. A tripped
 //! ESV closes it, and nothing opens it. No servomotor runs its stroke in half a second. A recording in which one of this is otherwise is not one
 //! of a machine, whatever its faults: a channel is wired to another, is stuck or held, is scaled or turned, is of another machine, or the time is
-//! not that of the plant. The limits lie far outside of what faults of servo systems do.
+//! not that of the plant. The limits lie far outside of what faults of servo systems do; what great ones do as well is said with both.
 
 mod copies;
 mod impossible;
@@ -22,9 +22,9 @@ use copies::{CopyWatch, Pair};
 pub(crate) use impossible::Impossible;
 use jumps::JumpWatch;
 use onsets::OnsetWatch;
-use rests::RestWatch;
+use rests::{Followed, RestWatch};
 use trips::TripWatch;
-use watches::{HeldWatch, Relation};
+use watches::{HeldWatch, Relation, ShiftWatch};
 
 use super::qualification::OTHER_CLOCK_S;
 
@@ -34,8 +34,8 @@ const SPEED_OVER_S: f64 = 0.1;
 const LONGEST_STEP_S: f64 = 1.0;
 /// A command that is so far from the position moves it, pu.
 const ASKS_PU: f64 = 0.006;
-/// Travel that goes away from the command must be so long, pu, and such a share of that towards it; of a sound system there is none.
-const AWAY_PU: f64 = 0.05;
+/// Travel that goes away from the command must be so long, pu, and such a share of that towards it; of a sound system there is none, and a leak makes less.
+const AWAY_PU: f64 = 0.1;
 const AWAY_RATIO: f64 = 0.6;
 /// A command that moves faster is followed with a delay that shows, pu/s.
 const MOVES_PU_S: f64 = 0.02;
@@ -59,9 +59,15 @@ const UNRELATED: f64 = 0.577;
 const TURNED: f64 = -0.4;
 const MOVED_PU: f64 = 0.05;
 /// A spool moves the servomotor at once: its speed goes with the spool of a time later, so well and with half of what is left, only where one of the two is
-/// of another time; with fewer spools in each time nothing is told.
+/// of another time; with fewer spools in each time nothing is told. It may come after its spool by some air in its oil, and by so many steps where it
+/// is recorded late.
 const AHEAD: f64 = 0.9;
+const LATE_STEPS: isize = 3;
+const LATE: f64 = 0.8;
 const SPOOLS: f64 = 3.0;
+/// A spool that is so far open, pu, and moves nothing at less than this, pu/s, is no sign: a load, a leak or a stop holds the servomotor.
+const OPEN_PU: f64 = 0.1;
+const HELD_PU_S: f64 = 0.01;
 /// A recording of so many samples in which the servomotor moves lasts longer, s.
 const SHORTEST_S: f64 = 1.0;
 const SHORT_SAMPLES: u64 = 200;
@@ -107,9 +113,10 @@ pub(crate) struct ChainEvidence {
     copies: CopyWatch,
     jumps: JumpWatch,
     relation: Relation,
-    /// The speed of the time before with the spool.
-    ahead: Relation,
-    speed_before: Option<f64>,
+    /// Pairs that tell none, as something held the servomotor.
+    held_pairs: f64,
+    shifts: ShiftWatch,
+    followed: Followed,
     fast: (u32, f64),
     fastest: Option<Impossible>,
 }
@@ -121,6 +128,11 @@ fn wider(ends: Option<[f64; 2]>, value: f64) -> Option<[f64; 2]> {
 
 fn span(ends: Option<[f64; 2]>) -> f64 {
     ends.map_or(0.0, |[least, most]| most - least)
+}
+
+/// Whether the servomotor is off its stops.
+fn is_inside(servo: f64) -> bool {
+    (0.02..=0.98).contains(&servo)
 }
 
 /// Whether a command presses the servomotor into a stop, where it rests.
@@ -146,6 +158,9 @@ impl ChainEvidence {
         self.servo_ends = wider(self.servo_ends, servo);
         self.command_ends = wider(self.command_ends, command);
         self.speed(frame, servo, spool);
+        if normal && is_inside(servo) && command.is_finite() {
+            self.followed.take(command, servo);
+        }
         self.copied(time_ns, command, servo, normal);
         self.copies.take(Pair { time_ns, command, position: servo, normal });
         self.jumps.take(time_ns, servo);
@@ -186,8 +201,8 @@ impl ChainEvidence {
         }
         let (from, step) = (*from, servo - from.position);
         self.point = Some(point);
-        let before = self.speed_before.take();
         if step_s > LONGEST_STEP_S {
+            self.shifts.take(None);
             return;
         }
         self.speed = step / step_s;
@@ -199,13 +214,15 @@ impl ChainEvidence {
             let towards = step * from.error > 0.0;
             *(if towards { &mut self.towards } else { &mut self.away }) += step.abs();
         }
-        let inside = (0.02..=0.98).contains(&servo);
-        if from.spools > 0.0 && inside {
-            self.relation.take(from.spool / from.spools, self.speed);
-            if let Some(before) = before.filter(|_| from.spools >= SPOOLS) {
-                self.ahead.take(from.spool / from.spools, before);
-            }
-            self.speed_before = Some(self.speed);
+        let spool = from.spool / from.spools;
+        self.shifts.take(Some((spool, self.speed)).filter(|_| from.spools >= SPOOLS && is_inside(servo)));
+        if from.spools < 1.0 || !is_inside(servo) {
+            return;
+        }
+        if self.speed.abs() < HELD_PU_S && spool.abs() > OPEN_PU {
+            self.held_pairs += 1.0;
+        } else {
+            self.relation.take(spool, self.speed);
         }
     }
 
@@ -255,22 +272,31 @@ impl ChainEvidence {
         if is_away {
             let (away_pu, towards_pu) = (self.away, self.towards);
             let lead_s = (self.distances / self.speeds.max(f64::MIN_POSITIVE)).sqrt();
-            let together = self.relation.n >= PAIRS && correlation > UNRELATED;
-            found.push(if together && lead_s < OTHER_CLOCK_S {
+            found.push(if self.relation.n >= PAIRS && correlation > UNRELATED && lead_s < OTHER_CLOCK_S {
                 Impossible::Leads { away_pu, towards_pu, lead_s }
             } else {
-                Impossible::Away { away_pu, towards_pu }
+                Impossible::Away {
+                    away_pu,
+                    towards_pu,
+                    may_be: self.followed.gain().is_some() || self.trips.is_closed(),
+                }
             });
         }
-        let tell = self.relation.n >= PAIRS && span(self.servo_ends) > MOVED_PU && self.relation.speed_lasts();
-        if tell && (correlation < UNRELATED) {
-            found.push(Impossible::Unrelated { correlation });
+        let tell = self.relation.n >= PAIRS.max(self.held_pairs)
+            && span(self.servo_ends) > MOVED_PU
+            && self.relation.speed_lasts();
+        let shifted = self.shifts.best(correlation, PAIRS).filter(|_| tell);
+        match shifted.map(|(steps, shifted)| (steps, steps as f64 * SPEED_OVER_S, shifted)) {
+            Some((..0, by_s, ahead)) if ahead > AHEAD => {
+                found.push(Impossible::SpoolLate { by_s: -by_s, ahead, correlation });
+            }
+            Some((LATE_STEPS.., by_s, late)) if late > LATE => {
+                found.push(Impossible::ServomotorLate { by_s, late, correlation });
+            }
+            _ if tell && correlation < UNRELATED => found.push(Impossible::Unrelated { correlation }),
+            _ => {}
         }
-        let ahead = self.ahead.correlation();
-        if tell && self.ahead.n >= PAIRS && ahead > AHEAD && 1.0 - ahead.powi(2) < 0.5 * (1.0 - correlation.powi(2)) {
-            found.push(Impossible::SpoolLate { ahead, correlation });
-        }
-        found.extend(self.rests.found());
+        found.extend(self.rests.found(self.followed.gain()));
         found.extend(self.held[0].found(Signal::ServomotorPosition));
         found.extend(self.held[1].found(Signal::SpoolPosition));
         let duration_s = self

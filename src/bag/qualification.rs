@@ -307,18 +307,7 @@ pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowE
     let rests =
         impossible.iter().any(|one| matches!(one, Impossible::RestsElsewhere { .. } | Impossible::Scaled { .. }));
     for impossible in impossible {
-        let severity = match impossible {
-            // A slow logger may be all that there is, and a diagnosis finds the offset of the clocks.
-            Impossible::TooSlow { .. }
-            | Impossible::TooShort { .. }
-            | Impossible::Held { .. }
-            | Impossible::Leads { .. }
-            | Impossible::Jumps { .. }
-            | Impossible::SpoolLate { .. }
-            | Impossible::Precedes { .. } => Severity::Warning,
-            _ => Severity::Disqualified,
-        };
-        Found::new(topic, &mut found).add(severity, Kind::Impossible, impossible.words());
+        Found::new(topic, &mut found).add(impossible.severity(), Kind::Impossible, impossible.words());
     }
     for signal in &mut rows.signals {
         let mut found = Found::new(topic, &mut found).of(signal.signal);

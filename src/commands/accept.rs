@@ -104,7 +104,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut made = provenance::new("accept", &sheet, None)?;
     let mapped = args.map.open(&args.bags)?;
     let topics = args.topics.topics();
-    let Recordings { recordings, mut warnings, read } = bags::read(&mapped.paths, &topics, &sheet.unit)?;
+    let Recordings { recordings, mut warnings, read, .. } = bags::read(&mapped.paths, &topics, &sheet.unit)?;
     let (recordings, read) = trusted(recordings, read)?;
     warnings.splice(0..0, mapped.warnings.iter().cloned());
     made.recordings = provenance::inputs(&read, &mapped)?;

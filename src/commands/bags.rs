@@ -1,7 +1,9 @@
 //! Which bags a command line names: files, bag folders, and folders that hold many bags; and all of them read for a fit.
 
+mod doubt;
 mod excerpts;
 mod find;
+mod position_scale;
 mod pressure;
 mod spool_scale;
 mod time_scale;
@@ -24,12 +26,13 @@ use super::output::say;
 use excerpts::Taken;
 use pressure::other_unit;
 
+pub use doubt::doubts;
+use doubt::{Doubt, doubts_of_channels};
 #[cfg(feature = "lab")]
 pub use find::holds_bags;
 pub use find::{find, is_bag_folder};
 pub use pressure::doubt_of_pressure;
-pub use spool_scale::doubt_of_spool;
-pub use time_scale::TimeScale;
+use time_scale::TimeScale;
 
 /// One bag to read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -159,6 +162,8 @@ pub struct Recordings {
     pub recordings: Vec<Recording>,
     /// Warnings, each with the name of its recording.
     pub warnings: Vec<String>,
+    /// Notes, which do not speak against the recordings.
+    pub notes: Vec<String>,
     /// All that were named, in the order of the command line.
     pub read: Vec<GivenBag>,
 }
@@ -246,8 +251,9 @@ pub enum StageWanted {
 const OTHER_COMMAND: &str = "the opening command is in another unit than pu, so that the servomotor stage alone was read; \
                              import the command by its range (govtwin import) to judge the whole chain";
 
-/// Says what was taken of long recordings.
+/// Says what was taken of long recordings, and notes.
 fn tell(found: &Recordings) {
+    found.notes.iter().for_each(|note| say(&format!("note: {note}")));
     for GivenBag { name, excerpt, .. } in &found.read {
         if let Some(excerpt) = excerpt {
             say(&format!("{name}: {excerpt}"));
@@ -277,21 +283,29 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
     let Reading { positions, uncut, timed } = reading;
     let bags = find(paths)?;
     let loaded = excerpts::read(&bags, &options(topics.clone(), positions), uncut)?;
-    let (mut recordings, mut warnings, mut refused, mut read) = (vec![], vec![], vec![], vec![]);
+    let (mut recordings, mut warnings, mut notes, mut refused, mut read) = (vec![], vec![], vec![], vec![], vec![]);
     let is_own = |taken: &Taken| taken.health.files.iter().any(|file| file.from_the_twin);
     let some_measured = loaded.iter().flatten().any(|taken| !is_own(taken));
     let can_tell = |taken: &&Taken| timed && !is_own(taken) && taken.health.disqualified().is_none();
     let scale = |taken: &Taken| TimeScale::most(&taken.recordings, unit);
-    let spool = |taken: &Taken| taken.recordings.iter().find_map(|recording| doubt_of_spool(recording, unit));
-    let scales: Vec<(Option<TimeScale>, Option<String>)> = loaded
+    let channels = |taken: &Taken| {
+        taken.recordings.iter().map(|recording| doubts_of_channels(recording, unit)).find(|all| !all.is_empty())
+    };
+    let scales: Vec<(Option<TimeScale>, Vec<Doubt>)> = loaded
         .par_iter()
-        .map(|taken| taken.as_ref().ok().filter(can_tell).map_or((None, None), |taken| (scale(taken), spool(taken))))
+        .map(|taken| {
+            let taken = taken.as_ref().ok().filter(can_tell);
+            (taken.and_then(scale), taken.and_then(channels).unwrap_or_default())
+        })
         .collect();
     let agree = TimeScale::agree(scales.iter().filter_map(|(scale, _)| scale.as_ref()));
-    for ((bag, taken), (scale, spool)) in bags.into_iter().zip(loaded).zip(scales) {
+    for ((bag, taken), (scale, channels)) in bags.into_iter().zip(loaded).zip(scales) {
         let Bag { path, name } = bag;
         let scaled = scale.filter(TimeScale::is_other).map(|scale| scale.words(!agree));
-        let other = scaled.clone().filter(|_| agree).or(spool);
+        let (refusing, noted): (Vec<Doubt>, Vec<Doubt>) = channels.into_iter().partition(Doubt::refuses);
+        let near = scale.and_then(|scale| scale.doubt()).filter(Doubt::is_note);
+        notes.extend(noted.into_iter().chain(near).map(|doubt| format!("{name}: {}", doubt.words)));
+        let other = scaled.clone().filter(|_| agree).or(refusing.into_iter().next().map(|doubt| doubt.words));
         let taken = taken.and_then(|taken| match untrusted(&taken, topics, unit, other) {
             Some(reason) => Err(format!("{name}: {reason}")),
             None => Ok(taken),
@@ -326,7 +340,7 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
         anyhow::bail!("no recording can be read:\n  {}", refused.join("\n  "));
     }
     warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
-    Ok(Recordings { recordings, warnings, read })
+    Ok(Recordings { recordings, warnings, notes, read })
 }
 
 /// Why nothing can be concluded from what was taken of a bag.

@@ -159,7 +159,7 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
         if args.unit_of.stage_alone { args.map.open_as_recorded(&args.bags)? } else { args.map.open(&args.bags)? };
     let topics = args.topics.topics();
     let Given { recordings, mut unit, by } = given::read(&args.unit_of, &mapped.paths, &topics, &sheet.unit)?;
-    let Recordings { recordings, warnings, read } = recordings;
+    let Recordings { recordings, warnings, read, .. } = recordings;
     by.describe(&args.unit_of, &unit, &mut made);
     unit.own_effects.extend(own_effects);
     made.recordings = provenance::inputs(&read, &mapped)?;

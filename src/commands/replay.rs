@@ -348,16 +348,15 @@ fn describe(
 ) -> anyhow::Result<Result> {
     let mut warnings: Vec<String> = health.warnings.iter().map(ToString::to_string).collect();
     warnings.extend(bags::doubt_of_pressure(&replayed.recording, &args.topics.topics(), unit));
-    warnings.extend(bags::doubt_of_spool(&replayed.recording, unit));
-    let scale = bags::TimeScale::of(&replayed.recording, unit).filter(bags::TimeScale::is_other);
-    warnings.extend(scale.map(|scale| scale.words(true)));
+    let [warned, noted] = bags::doubts(&replayed.recording, unit);
+    warnings.extend(warned);
     let marked = provenance::marked(Some(&health), given)?;
     let source = RecordingSource {
         path: given.display().to_string(),
         bytes: health.files.iter().map(|file| file.bytes).sum(),
         origin: marked.origin.clone(),
         warnings,
-        notes: health.notes.iter().map(ToString::to_string).chain(between).collect(),
+        notes: health.notes.iter().map(ToString::to_string).chain(between).chain(noted).collect(),
     };
     let about = simulated::about(&bag.name, &health, &marked);
     let corrected = corrector.map(|corrector| residual::correct(corrector, &replayed));

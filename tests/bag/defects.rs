@@ -37,7 +37,7 @@ const fn doubtful(what: &'static str, change: fn(&mut Vec<Frame>)) -> Defect {
 }
 
 /// Those of wiring, channels, clocks and machines.
-pub const DEFECTS: [Defect; 41] = [
+pub const DEFECTS: [Defect; 42] = [
     impossible("the position is the command", |rows| {
         map(rows, |_, row| row.measured.servomotor_position_pu = row.inputs.opening_command_pu);
     }),
@@ -60,12 +60,12 @@ pub const DEFECTS: [Defect; 41] = [
         rows.iter_mut().zip(times).for_each(|(row, time_ns)| row.time_ns = time_ns);
     }),
     impossible("the position is turned", |rows| servomotor(rows, |_, position| 1.0 - position)),
-    impossible("the position is doubled", |rows| servomotor(rows, |_, position| 2.0 * position)),
-    impossible("the position is halved", |rows| servomotor(rows, |_, position| 0.5 * position)),
-    impossible("the position is four fifths", |rows| servomotor(rows, |_, position| 0.8 * position)),
-    impossible("the position is a quarter more", |rows| servomotor(rows, |_, position| 1.25 * position)),
+    of_another("the position is doubled", |rows| servomotor(rows, |_, position| 2.0 * position)),
+    of_another("the position is halved", |rows| servomotor(rows, |_, position| 0.5 * position)),
+    of_another("the position is four fifths", |rows| servomotor(rows, |_, position| 0.8 * position)),
+    of_another("the position is a quarter more", |rows| servomotor(rows, |_, position| 1.25 * position)),
     impossible("the position is off by a tenth", |rows| servomotor(rows, |_, position| position + 0.1)),
-    impossible("the command is halved", |rows| command(rows, |opening| 0.5 * opening)),
+    doubtful("the command is halved", |rows| command(rows, |opening| 0.5 * opening)),
     impossible("the command is turned", |rows| command(rows, |opening| 1.0 - opening)),
     impossible("the spool is turned", |rows| spool(rows, |_, position| -position)),
     impossible("the position is stuck", |rows| {
@@ -118,6 +118,10 @@ pub const DEFECTS: [Defect; 41] = [
     doubtful("the position comes before the spool", |rows| {
         let spools: Vec<f64> = rows.iter().map(|row| row.measured.spool_position_pu).collect();
         spool(rows, |k, _| spools[k.saturating_sub(12)]);
+    }),
+    doubtful("the position comes half a second after everything else", |rows| {
+        let positions: Vec<f64> = rows.iter().map(|row| row.measured.servomotor_position_pu).collect();
+        servomotor(rows, |k, _| positions[k.saturating_sub(50)]);
     }),
     doubtful("the position is held for half a second", |rows| hold(rows, Signal::ServomotorPosition, 50)),
     doubtful("the position is held for a second", |rows| hold(rows, Signal::ServomotorPosition, 100)),

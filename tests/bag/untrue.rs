@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use govtwin_bag::{self as bag, Kind, ReadOptions, Warning};
 use mcap::WriteOptions;
 
 use super::defects::{DEFECTS, Defect, Fate, bag_of, frames};
@@ -38,7 +39,7 @@ fn run(command: &str, arguments: &[&str], folder: &Path) -> (i32, String, String
 }
 
 /// Words of the reasons for which a recording is refused as data.
-const REASONS: [&str; 13] = [
+const REASONS: [&str; 17] = [
     "the servomotor position is the command",
     "moves away from its command",
     "against its spool",
@@ -51,6 +52,10 @@ const REASONS: [&str; 13] = [
     "before its command does",
     "before its spool does",
     "is held for",
+    "the ESV has tripped without its state saying so",
+    "while servomotor and command rest",
+    "after its spool does",
+    "times its command and as many times as fast",
     "more than one sender",
 ];
 
@@ -95,4 +100,38 @@ fn one_recording_that_is_far_faster_than_the_unit_is_not_of_it() {
     );
     let (code, _, told) = run("fit", &[], changed(2.0).path());
     assert!(code != 1 && told.contains("or a loss of oil flow slows both"), "{code} {told}");
+}
+
+/// The greatest faults of the catalogue that move the servomotor elsewhere than its command: they may be the data, and a diagnosis begins all the same.
+#[test]
+fn great_faults_are_not_refused_as_data() {
+    for effect in [
+        "command_gain=0.5",
+        "command_gain=2",
+        "load=3",
+        "servo_leak=2e-8",
+        "feedback_bias=0.1",
+        "feedback_lag=1",
+        "pilot_filter=50",
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let bags = folder.path().join("made");
+        let made = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+            .args(["generate", "--effect", effect, "--process", "load_increase,startup", "--seed", "3", "--out"])
+            .arg(&bags)
+            .output()
+            .unwrap();
+        assert!(made.status.success(), "{effect}: {made:?}");
+        for process in ["load_increase", "startup"] {
+            let health = bag::read(&bags.join(process), &ReadOptions::default()).unwrap().health;
+            assert_eq!(health.disqualified(), None, "{effect}, {process}");
+            let found = health.warnings.iter().filter_map(|warning| match warning {
+                Warning::Doubtful(finding) if finding.what == Kind::Impossible => Some(&finding.words),
+                _ => None,
+            });
+            for words in found.filter(|words| !words.contains("before its command does")) {
+                assert!(words.contains("either ") && words.contains(", or "), "{effect}, {process}: {words}");
+            }
+        }
+    }
 }

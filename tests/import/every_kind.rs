@@ -148,6 +148,30 @@ fn senders(cases: &mut Cases) {
     cases.add(KIND, "a column of stations beside rows", by_station, Refused("`Station` says `Ybbs`, `Melk`"));
     cases.add(KIND, "a column of one name beside rows", one_name, Right);
     cases.add(KIND, "a command of another number", two_names, Asked("of two machines"));
+    // Tags whose last part says what of a signal they are.
+    let no_command = Asked("opening_command: no column found");
+    for (name, tags, expected) in [
+        ("set point and process value", ["Y.SP", "Y.PV", "HSV.PV", "P_OIL.PV"], Right),
+        ("output and process value", ["GATE.OP", "GATE.PV", "MDV.PV", "TANKP.PV"], no_command),
+        ("three parts", ["U3.Y.SP", "U3.Y.PV", "U3.SPOOL.PV", "U3.OILP.PV"], Right),
+        ("demand and position", ["U1:GV:DMD", "U1:GV:POS", "U1:MDV:POS", "U1:HPU:PRES"], Right),
+    ] {
+        let mut text = "Tag,Timestamp,Value\n".to_owned();
+        for row in rejection() {
+            for (tag, value) in tags.iter().zip(row.values) {
+                let _ = writeln!(text, "{tag},{},{value}", iso(row));
+            }
+        }
+        cases.add(KIND, format!("tags of {name}"), text, expected);
+    }
+    let columns = NAMES.map(|name| format!("{name}_NUMERICID,{name}_VALUE,{name}_TIMESTAMP,{name}_QUALITY")).join(",");
+    let values = |row: &Truth| {
+        let cell = |(k, value): (usize, &f64)| format!("{k},{value},{},192", iso(row));
+        row.values.iter().enumerate().map(cell).collect::<Vec<_>>().join(",")
+    };
+    let logged: Vec<String> = rejection().iter().map(values).collect();
+    let asked = Asked("tank_pressure: the file states no unit");
+    cases.add(KIND, "number, value, time and quality of each", format!("{columns}\n{}\n", logged.join("\n")), asked);
     cases.add(KIND, "series of a database", influx(&[("U3", rejection()), ("U5", &other)], true), Right);
 }
 

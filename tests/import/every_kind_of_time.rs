@@ -223,4 +223,13 @@ pub(super) fn times(cases: &mut Cases) {
         headed("Logged", &|row| moment("22/IX/2026", row)),
         Refused("found `22/IX/2026"),
     );
+    // As mail writes it, and as a database does.
+    let of_mail = |row: &Truth| format!("\"Tue, 22 Sep 2026 {} +0000\"", &iso(row)[11..23]);
+    cases.add(KIND, "a date of a mail", headed("Logged", &of_mail), Right);
+    let of_database = |row: &Truth| format!("22-SEP-26 06.{}.{}000 PM", &iso(row)[14..16], &iso(row)[17..23]);
+    cases.add(KIND, "points in times of day", headed("TS", &of_database), Right);
+    let blank_below = headed("t [s]", &|row| format!("{:.2}", row.time_s)).replacen('\n', "\n\n", 1);
+    cases.add(KIND, "a blank line below the names", blank_below, Right);
+    let lost_power = headed("t [s]", &|row| format!("{:.2}", row.time_s)) + &"\0".repeat(512);
+    cases.add(KIND, "zeros behind the last line", lost_power, Right);
 }

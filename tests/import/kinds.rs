@@ -207,6 +207,33 @@ fn rows_of_every_order_are_put_in_the_order_of_time() {
     assert!(found.iter().zip(rejection()).all(|(found, truth)| (found.1 - truth.values[1] * 0.01).abs() < 1e-9));
 }
 
+/// At its closed stop a servomotor stands still, however far its spool is held closing by a trip: that says nothing of the spool's sign.
+#[test]
+fn the_spool_of_a_trip_is_not_turned_round() {
+    let truth = recording("practice/case_05/shutdown.mcap", 4);
+    let header = HEADER.replace("Timestamp", "t [s]") + ",ESV";
+    // The state of the ESV stands where it changes.
+    let mut last = None;
+    let mut text = format!("{header}\n");
+    for row in &truth {
+        let esv =
+            if last.replace(row.normal) == Some(row.normal) { "" } else { ["TRIP", "NORMAL"][usize::from(row.normal)] };
+        let values = row.values.map(|value| value.to_string()).join(",");
+        let _ = writeln!(text, "{:.2},{values},{esv}", row.time_s);
+    }
+    let (_folder, path) = file("t.csv", &text);
+    let proposal = propose(&path).unwrap();
+    assert!(proposal.open.is_empty(), "{:?}", proposal.open);
+    let (rows, outcome) = rows(&[path], &map_text(&proposal.map, &[], |_| String::new())).unwrap();
+    assert_right("shutdown", &rows, &truth);
+    assert!(outcome.warnings.is_empty(), "{:?}", outcome.warnings);
+    let normal = |row: &ImportedRow| row.value(Target::Esv).map(|state| state > 0.5);
+    let told: Vec<(i64, bool)> = rows.iter().filter_map(|row| Some((row.time_ns, normal(row)?))).collect();
+    let trip = truth.iter().find(|row| !row.normal).unwrap();
+    let first = told.iter().find(|(_, normal)| !normal).unwrap();
+    assert!(((first.0 - rows[0].time_ns) as f64 * 1e-9 - trip.time_s).abs() < 2e-3, "{told:?}");
+}
+
 #[test]
 fn a_trip_that_stays_stays_from_its_own_time_on() {
     let mut text = "t [s],cmd [%],servo [%],TRIP\n".to_owned();

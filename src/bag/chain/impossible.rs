@@ -1,7 +1,21 @@
 //! What cannot be of one machine, and how it is reported.
 
-use super::{SPEED_OVER_S, TURNED};
+use super::TURNED;
+use super::rests::may_be_gain;
+use crate::Severity;
 use govtwin_model::signal::Signal;
+
+/// What a rest elsewhere than its command may be, beside a channel that is another's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Meant {
+    Nothing,
+    /// The servomotor goes so many times its command all along.
+    Scaled,
+    /// The spool stands open, and something holds the servomotor.
+    Held {
+        spool_pu: f64,
+    },
+}
 
 /// What cannot be of one machine, with figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,8 +29,8 @@ pub(crate) enum Impossible {
     Delayed { lag_s: f64, apart_pu: f64, moving: u64 },
     /// The position jumps from one sample to the next, first by so much, pu, within so long, s, at a time, ns, and so many times.
     Jumps { by_pu: f64, step_s: f64, time_ns: i64, count: u64 },
-    /// The servomotor moves away from its command, pu, and so far towards it.
-    Away { away_pu: f64, towards_pu: f64 },
+    /// The servomotor moves away from its command, pu, and so far towards it; whether a governor or its oil may do so.
+    Away { away_pu: f64, towards_pu: f64, may_be: bool },
     /// The same, while spool and servomotor go together: the response comes before the command, by so much, s.
     Leads { away_pu: f64, towards_pu: f64, lead_s: f64 },
     /// It opens while tripped, pu, or stands open: position, pu, at a time, ns, so long after the trip, s.
@@ -24,8 +38,16 @@ pub(crate) enum Impossible {
     /// It stands open while tripped.
     StandsTripped { position_pu: f64, time_ns: i64, duration_s: f64 },
     /// The spool is fully closing while nothing asks for it and the ESV is said to be normal: from and to which position, pu, the greatest distance to the
-    /// command, pu, where the spool is, pu, since when, ns, and for how long, s.
-    TripsUnsaid { from_pu: f64, to_pu: f64, error_pu: f64, spool_pu: f64, time_ns: i64, duration_s: f64 },
+    /// command, pu, where the spool is, pu, since when, ns, and for how long, s; whether it was elsewhere before.
+    TripsUnsaid {
+        from_pu: f64,
+        to_pu: f64,
+        error_pu: f64,
+        spool_pu: f64,
+        time_ns: i64,
+        duration_s: f64,
+        regulated: bool,
+    },
     /// The spool moves before its command leaves a rest: by so much, s, and pu, at a time, ns, in so many of all such places.
     Precedes { lead_s: f64, spool_pu: f64, time_ns: i64, onsets: u64, leads: u64 },
     /// All rests are at so many times their commands, which lie between two, pu; what is left, pu.
@@ -33,13 +55,15 @@ pub(crate) enum Impossible {
     /// At rest with an open spool: its mean, pu.
     RestsOpen { spool_pu: f64 },
     /// At rest away from its command.
-    RestsElsewhere { position_pu: f64, command_pu: f64, time_ns: i64, duration_s: f64 },
+    RestsElsewhere { position_pu: f64, command_pu: f64, time_ns: i64, duration_s: f64, meant: Meant },
     /// The values are held and jump: signal, jumps, share of the travel.
     Held { signal: Signal, jumps: u64, share: f64, held_s: f64 },
     /// Speed and spool have nothing to do with each other, or go against each other.
     Unrelated { correlation: f64 },
-    /// The servomotor's speed goes with the spool of a tenth of a second later, better than with that of its own time.
-    SpoolLate { ahead: f64, correlation: f64 },
+    /// The servomotor's speed goes with the spool of so much later, s, better than with that of its own time.
+    SpoolLate { by_s: f64, ahead: f64, correlation: f64 },
+    /// And with that of so much earlier, s.
+    ServomotorLate { by_s: f64, late: f64, correlation: f64 },
     /// The servomotor is faster than any.
     TooFast { pu_s: f64, time_ns: i64 },
     /// The servomotor runs through its process in no time, s.
@@ -49,6 +73,26 @@ pub(crate) enum Impossible {
 }
 
 impl Impossible {
+    /// Whether nothing is concluded from the recording, or only said that it may be the data: also machines do what is warned of.
+    pub(crate) fn severity(&self) -> Severity {
+        match self {
+            // A slow logger may be all that there is, and a diagnosis finds the offset of the clocks.
+            Self::TooSlow { .. }
+            | Self::TooShort { .. }
+            | Self::Held { .. }
+            | Self::Leads { .. }
+            | Self::Jumps { .. }
+            | Self::SpoolLate { .. }
+            | Self::ServomotorLate { .. }
+            | Self::Precedes { .. }
+            | Self::Away { may_be: true, .. }
+            | Self::TripsUnsaid { regulated: false, .. }
+            | Self::RestsElsewhere { meant: Meant::Scaled | Meant::Held { .. }, .. } => Severity::Warning,
+            Self::Scaled { ratio, .. } if may_be_gain(*ratio) => Severity::Warning,
+            _ => Severity::Disqualified,
+        }
+    }
+
     /// In words, with the way out.
     pub(crate) fn words(&self) -> String {
         match *self {
@@ -64,7 +108,13 @@ impl Impossible {
                  moves does: values were held or put in the place of others",
                 percent(by_pu)
             ),
-            Self::Away { away_pu, towards_pu } => format!(
+            Self::Away { away_pu, towards_pu, may_be: true } => format!(
+                "the servomotor moves away from its command, by {} of the stroke in all and {} towards it: either the governor takes \
+                 another command (`command_gain`) or its pilot oil is lost (`chamber_leak`), or a channel is scaled or of another machine",
+                percent(away_pu),
+                percent(towards_pu)
+            ),
+            Self::Away { away_pu, towards_pu, .. } => format!(
                 "the servomotor moves away from its command, by {} of the stroke in all and {} towards it: time runs backwards, the response \
                  comes before the command, or one of the two is turned or scaled",
                 percent(away_pu),
@@ -85,14 +135,15 @@ impl Impossible {
                  ESV the wrong way round?",
                 percent(position_pu)
             ),
-            Self::TripsUnsaid { from_pu, to_pu, error_pu, spool_pu, time_ns, duration_s } => format!(
+            Self::TripsUnsaid { from_pu, to_pu, error_pu, spool_pu, time_ns, duration_s, regulated } => format!(
                 "the spool stands at {} for {duration_s:.1} s from {time_ns} ns on and the servomotor goes from {} to {}, while its command is up to {} above it \
-                 and the ESV says normal: the ESV has tripped without its state saying so (another topic's, or not recorded?), or command and measured \
+                 and the ESV says normal: {} the ESV has tripped without its state saying so (another topic's, or not recorded?), or command and measured \
                  state are not of one machine",
                 percent(spool_pu),
                 percent(from_pu),
                 percent(to_pu),
-                percent(error_pu)
+                percent(error_pu),
+                if regulated { "either" } else { "either its pilot oil is lost (`chamber_leak`), or" }
             ),
             Self::Precedes { lead_s, spool_pu, time_ns, onsets, leads } => format!(
                 "the spool moves before its command does, by {lead_s:.3} s or more, and by {} when the command leaves its rest (at {time_ns} ns), in {leads} of {onsets} \
@@ -101,8 +152,8 @@ impl Impossible {
                 percent(spool_pu)
             ),
             Self::Scaled { ratio, least_pu, most_pu, left_pu } => format!(
-                "the servomotor rests at {ratio:.3} times its command wherever both stand (commands from {} to {}, {:.2} % left): one of the two channels is \
-                 scaled (by a `range` of an import?), or the governor takes its command so",
+                "the servomotor rests at {ratio:.3} times its command wherever both stand (commands from {} to {}, {:.2} % left): either one of the two channels \
+                 is scaled (by a `range` of an import?), or the governor takes its command so (`command_gain`)",
                 percent(least_pu),
                 percent(most_pu),
                 left_pu * 100.0
@@ -112,8 +163,8 @@ impl Impossible {
                  `range: [neutral, fully open]` in an import map), or the channel is another's",
                 percent(spool_pu)
             ),
-            Self::RestsElsewhere { position_pu, command_pu, time_ns, duration_s } => {
-                rests_elsewhere(position_pu, command_pu, time_ns, duration_s)
+            Self::RestsElsewhere { position_pu, command_pu, time_ns, duration_s, meant } => {
+                rests_elsewhere([position_pu, command_pu], time_ns, duration_s, meant)
             }
             Self::Held { signal, jumps, share, held_s } => format!(
                 "{} is held for {held_s:.2} s again and again and then jumps, {jumps} times, {:.0} % of its travel: its values are newer at the \
@@ -129,9 +180,13 @@ impl Impossible {
                 "spool and speed of the servomotor have nothing to do with each other (correlation {correlation:.2}): they are of two machines, one of \
                  the channels is another, or the spool's is stuck"
             ),
-            Self::SpoolLate { ahead, correlation } => format!(
-                "the servomotor moves before its spool does: its speed goes with the spool of {SPEED_OVER_S} s later (correlation {ahead:.3}, at its own time \
+            Self::SpoolLate { by_s, ahead, correlation } => format!(
+                "the servomotor moves before its spool does: its speed goes with the spool of {by_s:.1} s later (correlation {ahead:.3}, at its own time \
                  {correlation:.3}): the two were stamped by two clocks, or one of them late"
+            ),
+            Self::ServomotorLate { by_s, late, correlation } => format!(
+                "the servomotor moves {by_s:.1} s after its spool does (correlation of speed and spool {late:.3} then, {correlation:.3} at one time), and oil moves \
+                 at once: either its position is stamped late, or its transducer is slow (`feedback_lag`)"
             ),
             Self::TooFast { pu_s, time_ns } => format!(
                 "the servomotor runs {pu_s:.1} strokes each second (at {time_ns} ns), and none does: is time in another unit?"
@@ -163,19 +218,30 @@ fn delayed(lag_s: f64, apart_pu: f64, moving: u64) -> String {
     )
 }
 
-fn rests_elsewhere(position_pu: f64, command_pu: f64, time_ns: i64, duration_s: f64) -> String {
-    let meant = match position_pu / command_pu {
-        ratio if (1.8..2.2).contains(&ratio) => "; the position is doubled",
-        ratio if (0.45..0.55).contains(&ratio) => "; the position is halved",
+fn rests_elsewhere([position_pu, command_pu]: [f64; 2], time_ns: i64, duration_s: f64, meant: Meant) -> String {
+    let begin = format!(
+        "the servomotor rests at {} for {duration_s:.0} s while its command says {} (from {time_ns} ns on)",
+        percent(position_pu),
+        percent(command_pu)
+    );
+    let turned = match position_pu / command_pu {
+        ratio if (1.8..2.2).contains(&ratio) => "; the position is doubled, or the governor doubles its command",
+        ratio if (0.45..0.55).contains(&ratio) => "; the position is halved, or the governor halves its command",
         _ if (position_pu + command_pu - 1.0).abs() < 0.02 => "; the position is turned, 1 is open",
         _ => "",
     };
-    format!(
-        "the servomotor rests at {} for {duration_s:.0} s while its command says {} (from {time_ns} ns on): a channel is stuck, scaled, or of another \
-         machine{meant}",
-        percent(position_pu),
-        percent(command_pu)
-    )
+    match meant {
+        Meant::Nothing => format!("{begin}: a channel is stuck, scaled, or of another machine{turned}"),
+        Meant::Scaled => format!(
+            "{begin}, and goes as many times its command all along: either one of the two channels is scaled, or the governor takes its command so \
+             (`command_gain`)"
+        ),
+        Meant::Held { spool_pu } => format!(
+            "{begin} and the spool stands at {}: either something holds it against that (a stop, `load`, `servo_leak`) or the pilot oil is lost \
+             (`chamber_leak`), or a channel is stuck, scaled, or of another machine",
+            percent(spool_pu)
+        ),
+    }
 }
 
 fn percent(pu: f64) -> String {

@@ -10,9 +10,12 @@ const OPENS_PU: f64 = 0.03;
 const TRIPPED_S: f64 = 1.0;
 const STANDS_PU: f64 = 0.1;
 const STANDS_S: f64 = 20.0;
-/// A spool that is more than so far towards closing, pu, for longer than so, s, while the command asks to open, is held there by a tripped ESV.
+/// A spool that is more than so far towards closing, pu, for longer than so, s, while the command asks to open, is held there by a tripped ESV: a clogged
+/// pilot holds it for half as long.
 const CLOSES_PU: f64 = -0.5;
-const CLOSES_S: f64 = 2.0;
+/// Where it has not been off there for so long before, s, its oil may never have come.
+const CLOSES_S: f64 = 4.0;
+const REGULATED_S: f64 = 2.0;
 
 /// Rows in which a spool closes against the command.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +34,8 @@ pub(super) struct TripWatch {
     opens: Option<Impossible>,
     stands: Option<Impossible>,
     closing: Option<Closing>,
+    /// Spools that were not closing.
+    regulated: Option<Stay>,
     unsaid: Option<Impossible>,
 }
 
@@ -65,6 +70,10 @@ impl TripWatch {
 
     /// Takes a row at which the ESV is said not to have tripped.
     fn closed(&mut self, time_ns: i64, error: f64, servo: f64, spool: f64) {
+        if spool >= CLOSES_PU {
+            let here = Stay::new(time_ns, spool);
+            self.regulated = Some(self.regulated.map_or(here, |regulated| regulated.with(time_ns, spool)));
+        }
         let against = spool < CLOSES_PU && error > ASKS_PU;
         if !against {
             // A spool that was not measured tells nothing.
@@ -94,8 +103,15 @@ impl TripWatch {
                 spool_pu: spool.least,
                 time_ns: servo.since_ns,
                 duration_s: servo.lasted_s(),
+                regulated: !self.is_closed(),
             });
         }
+    }
+
+    /// Whether the spool was closing all along, as where no pilot oil comes.
+    pub(super) fn is_closed(&self) -> bool {
+        (self.closing.is_some() || self.unsaid.is_some())
+            && self.regulated.is_none_or(|regulated| regulated.lasted_s() < REGULATED_S)
     }
 
     /// What cannot be of one machine.

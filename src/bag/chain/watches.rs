@@ -1,5 +1,7 @@
 //! What is kept of one signal, or of two, from row to row.
 
+use std::collections::VecDeque;
+
 use super::LASTS;
 use super::impossible::Impossible;
 use super::stay::Stay;
@@ -96,5 +98,41 @@ impl Relation {
     pub(super) fn correlation(&self) -> f64 {
         let scale = (self.xx * self.yy).sqrt();
         if scale > 0.0 { self.xy / scale } else { 0.0 }
+    }
+}
+
+/// Steps of the speed by which spool and speed are shifted against each other, each way.
+const SHIFTS: usize = 10;
+/// The speed goes with the spool of another time where that leaves so much of what is left at its own, at most.
+const LEAVES: f64 = 0.5;
+
+/// Speed and spool of the steps before, and how well they go together where one of the two is taken later.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ShiftWatch {
+    steps: VecDeque<(f64, f64)>,
+    /// The speed with the spool of so many steps before; and the spool with the speed of so many steps before.
+    late: [Relation; SHIFTS],
+    ahead: [Relation; SHIFTS],
+}
+
+impl ShiftWatch {
+    /// Takes a step's spool and speed; none where it does not follow the one before.
+    pub(super) fn take(&mut self, step: Option<(f64, f64)>) {
+        let Some((spool, speed)) = step else { return self.steps.clear() };
+        for (before, (spool_before, speed_before)) in self.steps.iter().enumerate() {
+            self.late[before].take(*spool_before, speed);
+            self.ahead[before].take(spool, *speed_before);
+        }
+        self.steps.push_front((spool, speed));
+        self.steps.truncate(SHIFTS);
+    }
+
+    /// By how many steps the speed is later than its spool, below 0 earlier, where that tells much more than its own time does, and the correlation.
+    pub(super) fn best(&self, own: f64, fewest: f64) -> Option<(isize, f64)> {
+        let of = |sign: isize| move |(k, relation): (usize, &Relation)| (sign * (k as isize + 1), *relation);
+        let all = self.late.iter().enumerate().map(of(1)).chain(self.ahead.iter().enumerate().map(of(-1)));
+        let told = all.filter(|(_, relation)| relation.n >= fewest).map(|(by, relation)| (by, relation.correlation()));
+        let best = told.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (best.1 > own.max(0.0) && 1.0 - best.1.powi(2) < LEAVES * (1.0 - own.max(0.0).powi(2))).then_some(best)
     }
 }

@@ -268,10 +268,13 @@ impl TableRecords for CsvRecords {
             if self.cells() >= self.width {
                 return Ok(true);
             }
-            let blank = self.record.iter().all(|cell| cell.iter().all(u8::is_ascii_whitespace));
+            // A logger that lost its power leaves zeros where it had room.
+            let is_empty = |byte: &u8| byte.is_ascii_whitespace() || *byte == 0;
+            let blank = self.record.iter().all(|cell| cell.iter().all(is_empty));
             if !blank {
                 let place = self.place();
-                let text = String::from_utf8_lossy(self.record.get(0).unwrap_or_default()).into_owned();
+                let text =
+                    String::from_utf8_lossy(self.record.get(0).unwrap_or_default()).replace(char::is_control, " ");
                 self.ragged.note(place, &text);
             }
         }

@@ -68,7 +68,8 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
         row.len() > width && k + 1 == begin && row.iter().take(width).enumerate().all(is_name)
     };
     let is_above = |k: &usize| cells[*k].len() == width || names_more(*k);
-    let above: Vec<usize> = (0..above).rev().take(MOST_HEADER_LINES).take_while(is_above).collect();
+    let filled = (0..above).rev().filter(|k| !is_blank(&cells[*k]));
+    let above: Vec<usize> = filled.take(MOST_HEADER_LINES).take_while(is_above).collect();
     let unit_row = |k: usize| {
         let filled: Vec<&String> = cells[k].iter().filter(|cell| !cell.is_empty()).collect();
         let units = filled.iter().filter(|cell| is_unit(cell) || cell.starts_with('[')).count();

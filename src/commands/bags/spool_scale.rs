@@ -11,17 +11,20 @@ use govtwin_model::replay::{Scores, simulate};
 use govtwin_model::signal::{Signal, span};
 use govtwin_model::twin::{Cut, Twin};
 
+use super::doubt::Doubt;
 use super::time_scale::{DOUBTFUL, MOVED_PU, beginning};
 
 /// A smaller factor may be one of tolerances and faults: that of the two scales from 1 to 2 which is as far from both.
 const LEAST: f64 = std::f64::consts::SQRT_2;
+/// From this factor on it is worth a note: gains and ports are known to a tenth.
+const NOTED: f64 = 1.15;
 /// A spool that is asked to stand nearer to neutral, pu, is off its stops, also where its transducer reads half or twice.
 const OFF_STOPS_PU: f64 = 0.4;
 /// The squared correlation of the recorded spool with that of the sheet's regulator: less is no matter of scale.
 const TOGETHER: f64 = 0.75;
 
 /// What is to be said of a spool that reads on another scale; nothing where it does not, or the recording cannot tell.
-pub fn doubt_of_spool(recording: &Recording, unit: &Unit) -> Option<String> {
+pub fn doubt_of_spool(recording: &Recording, unit: &Unit) -> Option<Doubt> {
     let recording = Recording::new("", beginning(recording).to_vec());
     let of = |signal: Signal| recording.frames.iter().map(move |frame| signal.of(&frame.measured));
     if !recording.has_command() || span(of(Signal::ServomotorPosition))? < MOVED_PU {
@@ -35,20 +38,28 @@ pub fn doubt_of_spool(recording: &Recording, unit: &Unit) -> Option<String> {
         [squares + asked * asked, products + read * asked, read_squares + read * read]
     });
     let factor = products / squares;
-    if products * factor < TOGETHER * read_squares || factor.max(1.0 / factor) < LEAST {
+    if products * factor < TOGETHER * read_squares || factor.max(1.0 / factor) < NOTED {
         return None;
     }
     let [own, scaled] = [1.0, factor].map(|factor| driven(&recording, unit, factor));
     if (scaled.rmse / own.rmse).powi(2) > DOUBTFUL || scaled.r2 < 1.0 - DOUBTFUL {
         return None;
     }
-    Some(format!(
+    let is_far = factor.max(1.0 / factor) >= LEAST;
+    let words = format!(
         "{} reads {factor:.2} times what the sheet's regulator asks for, and divided by that it moves the sheet's servomotor as recorded (error from {:.2} % to \
-         {:.2} %): its channel is scaled (a unit or `range` of an import?), or the stroke of the sheet's spool is another unit's (--params)",
+         {:.2} %): {}its channel is scaled (a unit or `range` of an import?), or the stroke of the sheet's spool is another unit's (--params){}",
         Signal::SpoolPosition.id(),
         own.rmse * 100.0,
-        scaled.rmse * 100.0
-    ))
+        scaled.rmse * 100.0,
+        if is_far { "" } else { "either " },
+        if is_far {
+            ""
+        } else {
+            ", or its regulator and its ports are both off the sheet, which nothing here tells apart"
+        },
+    );
+    Some(if is_far { Doubt::refused(words) } else { Doubt::note(words) })
 }
 
 /// Figures of the servomotor that the recorded spool drives, divided by a factor.

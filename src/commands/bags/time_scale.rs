@@ -13,6 +13,8 @@ use govtwin_model::signal::{Signal, span};
 use govtwin_model::twin::Twin;
 use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
+use super::doubt::Doubt;
+
 /// Scales are tried by this factor, from that of the recording on in the direction in which the error falls, up to the last.
 const STEP: f64 = 1.2;
 const MOST_STEPS: f64 = 18.0;
@@ -20,6 +22,8 @@ const MOST_STEPS: f64 = 18.0;
 const HALVINGS: i32 = 4;
 /// A smaller factor is one of tolerances and faults: flows of valves and ports are known to some per cent, loads and losses take up to a quarter.
 const LEAST: f64 = 1.3;
+/// From this factor on it is worth a note.
+const NOTED: f64 = 1.15;
 /// Of the squared error so much may remain, as a mean over the signals, and of each signal's variance, where the twin follows.
 pub(super) const DOUBTFUL: f64 = 0.25;
 /// Half a step from the right scale less remains than this: time is then wrong by a tenth, where it was by a third.
@@ -108,6 +112,19 @@ impl TimeScale {
     /// Whether the twin follows the recording at another scale, and not at the recording's own.
     pub fn is_other(&self) -> bool {
         self.factor.max(1.0 / self.factor) > LEAST && self.remains < DOUBTFUL
+    }
+
+    /// Whether it follows at a scale so near that of the recording that tolerances and a loss of oil flow may be all there is.
+    fn is_near(&self) -> bool {
+        !self.is_other() && self.factor.max(1.0 / self.factor) > NOTED && self.remains < DOUBTFUL
+    }
+
+    /// What is to be said of one recording alone.
+    pub fn doubt(&self) -> Option<Doubt> {
+        if self.is_near() {
+            return Some(Doubt::note(self.words(true)));
+        }
+        self.is_other().then(|| Doubt::warned(self.words(true)))
     }
 
     /// Whether nothing but another time, or another unit, explains recordings: all that can tell have the same other scale, and are several, or much

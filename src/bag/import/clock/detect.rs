@@ -6,7 +6,7 @@ use crate::import::map::TimeMap;
 use crate::import::number::{NumberCell, Numbers};
 
 /// Patterns that are tried, the more special first; of the last two only one may fit.
-const PATTERNS: [&str; 33] = [
+const PATTERNS: [&str; 35] = [
     "%Y-%m-%d %H:%M:%S%.f %z",
     "%Y/%m/%d %H:%M:%S%.f",
     "%Y.%m.%d %H:%M:%S%.f",
@@ -23,6 +23,8 @@ const PATTERNS: [&str; 33] = [
     "%d-%m-%Y %H:%M:%S%.f",
     "%d-%b-%Y %H:%M:%S%.f",
     "%d-%b-%y %H:%M:%S%.f",
+    "%d-%b-%y %I.%M.%S%.f %p",
+    "%a, %d %b %Y %H:%M:%S%.f %z",
     "%d %b %Y %H:%M:%S%.f",
     "%b %d, %Y %I:%M:%S%.f %p",
     "%a %b %d %H:%M:%S%.f %Y",
@@ -302,6 +304,12 @@ mod tests {
             (["22/9/2026 1:00:00 p. m.", "22/9/2026 1:00:01 p. m.", ""], "", "%d/%m/%Y %I:%M:%S%.f %p"),
             (["13/05/24 10:00:00", "13/05/24 10:00:01", "13/05/24 10:00:02"], "", "%d/%m/%y %H:%M:%S%.f"),
             (["2026-09-22 18:38:20.5 CEST", "2026-09-22 18:38:21 CEST", ""], "", "iso"),
+            (["22-SEP-26 06.38.20.5 PM", "22-SEP-26 06.38.21.0 PM", ""], "", "%d-%b-%y %I.%M.%S%.f %p"),
+            (
+                ["Tue, 22 Sep 2026 18:38:20.5 +0200", "Tue, 22 Sep 2026 18:38:21 +0200", ""],
+                "",
+                "%a, %d %b %Y %H:%M:%S%.f %z",
+            ),
             (["2026年9月22日 18:38:20", "2026年9月22日 18:38:21", ""], "", "%Y年%m月%d日 %H:%M:%S%.f"),
             (["2026-265T18:38:20.5", "2026-265T18:38:21", ""], "", "%Y-%jT%H:%M:%S%.f"),
             (["134345759000000000", "134345759000400000", "134345759000800000"], "", "filetime"),

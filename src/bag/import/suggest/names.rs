@@ -44,8 +44,8 @@ const OTHERS: [&str; 34] = [
 ];
 
 /// Words of a quantity that has another source than the one that a position has: they speak against all positions.
-const PRESSURES: [&str; 10] =
-    ["pressure", "druck", "pression", "presion", "press", "trykk", "tryck", "давлен", "压力", "油压"];
+const PRESSURES: [&str; 11] =
+    ["pres", "pressure", "druck", "pression", "presion", "press", "trykk", "tryck", "давлен", "压力", "油压"];
 
 /// Words of pressures that are not the tank's, where nothing else says that they are.
 const NOT_OF_TANK: [&str; 9] =
@@ -60,7 +60,10 @@ pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
     };
     let mut found: Vec<(&'static str, f64)> = vec![];
     // At the end of a tag it says that this is the process value.
-    let is_value = |word: &str| word == "pv" && words.len() > 2 && words.last().is_some_and(|last| last == "pv");
+    let attribute = name.rsplit(['.', ':', '/']).next().unwrap_or_default();
+    let is_attribute = attribute.len() < name.len() && attribute.trim().eq_ignore_ascii_case("pv");
+    let is_value =
+        |word: &str| word == "pv" && (is_attribute || words.len() > 2 && words.last().is_some_and(|last| last == "pv"));
     for (word, weight) in WORDS.iter().filter(|(of, _)| *of == target).flat_map(|(_, words)| words.iter()) {
         if has(word) && !is_value(word) {
             found.push((word, *weight));
@@ -89,9 +92,32 @@ fn score_of(target: Target, has: &dyn Fn(&str) -> bool) -> f64 {
 }
 
 /// Words of names that say which figure of a signal a column holds, or how it was taken.
-const FIGURES: [&str; 22] = [
-    "min", "max", "avg", "mean", "std", "raw", "filt", "filtered", "value", "val", "pv", "quality", "status", "valid",
-    "time", "date", "x", "y", "z", "t", "u", "p",
+const FIGURES: [&str; 25] = [
+    "min",
+    "max",
+    "avg",
+    "mean",
+    "std",
+    "raw",
+    "filt",
+    "filtered",
+    "value",
+    "val",
+    "pv",
+    "quality",
+    "status",
+    "valid",
+    "time",
+    "date",
+    "x",
+    "y",
+    "z",
+    "t",
+    "u",
+    "p",
+    "id",
+    "numericid",
+    "timestamp",
 ];
 
 /// Whether a word says something of a signal, so that it tells no machine from another.

@@ -82,7 +82,7 @@ pub(super) fn signal(
                     rounded(least),
                     rounded(most)
                 ));
-            } else if column.unit.is_empty() && one_sided && least >= -5.0 && (20.0..=110.0).contains(&most) {
+            } else if column.unit.is_empty() && (!one_sided || least >= -5.0) && (20.0..=110.0).contains(&farthest) {
                 "%".clone_into(&mut signal.unit);
                 open.push(format!(
                     "{id}: the file states no unit; {} to {} looks like %",

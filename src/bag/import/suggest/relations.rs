@@ -21,6 +21,9 @@ const LEADS: f64 = 0.2;
 /// A sum of gain 1 within this share, by at least this correlation, is of a speed.
 const SPEED: (f64, f64) = (0.05, 0.99);
 
+/// This share of its range is the end of a position's.
+const ENDS: f64 = 0.02;
+
 /// A weaker correlation is none.
 pub(super) const WEAKEST: f64 = 0.4;
 /// Pairs of columns that are shown at most.
@@ -135,6 +138,8 @@ fn alike(one: &Envelope, other: &Envelope) -> f64 {
 struct Sums {
     covariances: [[f64; 3]; 3],
     length: f64,
+    /// Correlation of speed and other signal where the position is not at an end of its range: a stop holds it there, whatever the other does.
+    inside: f64,
 }
 
 impl Sums {
@@ -145,7 +150,16 @@ impl Sums {
             // The speed over two widths is that of the bucket between.
             Some([0.5 * (after - before), other.mean_at(at - delay)?, position.mean_at(at)?])
         };
-        Self::sum((from..to).filter_map(row), (to - from) as f64)
+        let rows = || (from..to).filter_map(row);
+        let (least, most) = position.points().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), (_, bucket)| {
+            (least.min(bucket.mean()), most.max(bucket.mean()))
+        });
+        let end = ENDS * (most - least);
+        let is_inside = |row: &[f64; 3]| (least + end..=most - end).contains(&row[2]);
+        let length = (to - from) as f64;
+        let all = Self::sum(rows(), length)?;
+        let inside = Self::sum(rows().filter(is_inside), length).map_or(all.inside, |sums| sums.inside);
+        Some(Self { inside, ..all })
     }
 
     fn sum(rows: impl Iterator<Item = [f64; 3]>, length: f64) -> Option<Self> {
@@ -158,7 +172,8 @@ impl Sums {
                 (0..3).for_each(|j| covariances[i][j] += before[i] * (row[j] - means[j]));
             }
         }
-        (count >= FEWEST - 10.0).then_some(Self { covariances, length })
+        let sums = Self { covariances, length, inside: 0.0 };
+        (count >= FEWEST - 10.0).then(|| Self { inside: sums.correlation(0, 1), ..sums })
     }
 
     fn correlation(&self, one: usize, other: usize) -> f64 {
@@ -173,7 +188,7 @@ impl Sums {
         // Of both spreads, so that noise in one does not make it less.
         let gain_1_s = if uu > 0.0 { (ss / uu).sqrt() / width_s } else { 0.0 };
         let is_speed = drives >= SPEED.1 && (gain_1_s - 1.0).abs() <= SPEED.0;
-        let sum = Relation { drives, is_speed, ..Relation::default() };
+        let sum = Relation { drives: self.inside, is_speed, ..Relation::default() };
         let determinant = uu * yy - uy * uy;
         if ss <= 0.0 || determinant <= 1e-9 * uu * yy {
             return sum;

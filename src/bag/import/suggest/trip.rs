@@ -70,6 +70,8 @@ pub(super) fn sign_of_trip(states: &SuggestedColumn, servomotor: &SuggestedColum
     let others: Vec<i64> =
         states.envelope.points().filter(|(_, bucket)| !is_normal(bucket)).map(|(at_ns, _)| at_ns).collect();
     match (others.first(), others.last()) {
+        // A state that is told where it changes lasts until the next.
+        _ if states.envelope.points().last().is_some_and(|(_, bucket)| !is_normal(bucket)) => TripSign::Trips,
         (Some(first_ns), Some(last_ns)) if last_ns.saturating_sub(*first_ns) > SETTLES_NS => TripSign::Trips,
         // Moments alone.
         (Some(first_ns), Some(last_ns)) if closes_after(servomotor, *first_ns, *last_ns) => TripSign::Pulses,

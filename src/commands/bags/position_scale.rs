@@ -1,0 +1,64 @@
+//! Whether the servomotor's position of a recording reads on the scale of its stroke, where the servomotor goes so many times its command.
+//!
+//! A governor that takes its command so many times moves the servomotor as fast as the sheet says; one whose position is recorded on another scale moves
+//! it so many times as fast. The sheet's twin tells which. A command that was scaled in the recording looks like the former, and nothing tells the two.
+
+use govtwin_model::parameters::Unit;
+use govtwin_model::recording::Recording;
+use govtwin_model::replay::{Scores, simulate};
+use govtwin_model::signal::Signal;
+use govtwin_model::twin::Twin;
+
+use super::doubt::Doubt;
+use super::time_scale::{DOUBTFUL, beginning};
+
+/// A smaller multiple is one of tolerances and of what holds a servomotor off its command.
+const LEAST: f64 = 1.1;
+/// Of the position's variance so much is left by a multiple of the command, at most.
+const LEFT: f64 = 0.3;
+/// Off its stops, pu.
+const INSIDE: std::ops::RangeInclusive<f64> = 0.02..=0.98;
+
+/// How many times its command the servomotor goes; none where it does not, or goes by it.
+fn multiple(recording: &Recording) -> Option<f64> {
+    let pairs = recording.frames.iter().filter_map(|frame| {
+        let position = Signal::ServomotorPosition.of(&frame.measured);
+        (INSIDE.contains(&position)).then_some((frame.inputs.opening_command_pu, position))
+    });
+    let [count, sum, squares, commands, products] =
+        pairs.fold([0.0; 5], |[count, sum, squares, commands, products], (command, position)| {
+            let squares = squares + position * position;
+            [count + 1.0, sum + position, squares, commands + command * command, products + command * position]
+        });
+    let ratio = products / commands;
+    let left = squares - ratio * products;
+    (ratio.max(1.0 / ratio) > LEAST && left < LEFT * (squares - sum * sum / count)).then_some(ratio)
+}
+
+/// What is to be said of a position that reads on another scale; nothing where it does not, or the recording cannot tell.
+pub fn doubt_of_position(recording: &Recording, unit: &Unit) -> Option<Doubt> {
+    let recording = Recording::new("", beginning(recording).to_vec());
+    let ratio = multiple(&recording).filter(|_| recording.has_command())?;
+    // The variance that is left of both positions, and the servomotor's error, pu.
+    let taken = |times: f64, divided: f64| {
+        let mut changed = recording.clone();
+        for frame in &mut changed.frames {
+            frame.inputs.opening_command_pu *= times;
+            frame.measured.servomotor_position_pu /= divided;
+        }
+        let scores = Scores::of(&changed, &simulate(&mut Twin::new(unit), &changed));
+        let [servomotor, spool] = Signal::POSITIONS.map(|signal| scores.figures(signal));
+        let left = (1.0 - servomotor.r2) + if spool.r2.is_finite() { 1.0 - spool.r2 } else { 0.0 };
+        (left, servomotor.rmse * divided)
+    };
+    let ((left_gained, gained_pu), (left_scaled, scaled_pu)) = (taken(ratio, 1.0), taken(1.0, ratio));
+    (left_scaled < DOUBTFUL * left_gained.min(2.0)).then(|| {
+        Doubt::refused(format!(
+            "{} goes {ratio:.2} times its command and as many times as fast as the sheet's servomotor with its spool (error of {:.2} % where the position is divided \
+             by that, of {:.2} % where the command is multiplied): its channel is scaled (a unit or `range` of an import?), or it is another unit's (--params)",
+            Signal::ServomotorPosition.id(),
+            scaled_pu * 100.0,
+            gained_pu * 100.0
+        ))
+    })
+}
