@@ -166,7 +166,6 @@ impl FieldReader {
     }
 
     /// The time of a message by its own header, ns; none if it has none, or 0.
-    #[must_use]
     pub fn stamp_ns(&self, data: &[u8]) -> Option<i64> {
         if !self.stamped {
             return None;
@@ -177,7 +176,6 @@ impl FieldReader {
     }
 
     /// The value at a path; none where this message does not hold it.
-    #[must_use]
     pub fn value(&self, path: &FieldPath, data: &[u8]) -> Option<FieldValue> {
         let mut found = None;
         self.visit(data, Some(path), &mut |_, value| found = Some(value))?;
@@ -185,7 +183,6 @@ impl FieldReader {
     }
 
     /// The value at a path, and what the message itself calls it, where the path names an element by its number and names stand beside it.
-    #[must_use]
     pub fn element(&self, path: &FieldPath, data: &[u8]) -> (Option<FieldValue>, Option<String>) {
         let (mut found, mut called) = (None, None);
         let whole = self.visit(data, Some(path), &mut |name, value| {
@@ -196,7 +193,6 @@ impl FieldReader {
     }
 
     /// Every number and text of a message with its path below the topic, such as `position[servomotor]`.
-    #[must_use]
     pub fn leaves(&self, data: &[u8]) -> Vec<(String, FieldValue)> {
         let mut found = vec![];
         let whole = self.visit(data, None, &mut |path, value| found.push((path.to_owned(), value)));

@@ -56,31 +56,26 @@ struct Followed {
 
 impl Growing {
     /// Nothing was read yet.
-    #[must_use]
     pub fn new(options: ReadOptions) -> Self {
         Self { files: vec![], rows: RowsSoFar::new(options, BTreeSet::new()), ended: false, read_bytes: 0 }
     }
 
     /// Bytes read so far.
-    #[must_use]
     pub fn read_bytes(&self) -> u64 {
         self.read_bytes
     }
 
     /// Whether some row holds a measurement: a bag without any is no recording of a servo system.
-    #[must_use]
     pub fn is_measured(&self) -> bool {
         self.rows.measured
     }
 
     /// What the bag states so far under a key of its metadata; the first of its files that has the key counts.
-    #[must_use]
     pub fn about(&self, key: &str) -> Option<&str> {
         self.files.iter().find_map(|known| known.file.about(key))
     }
 
     /// Whether the bag at a path is the one that was read, be it under another name.
-    #[must_use]
     pub fn is_at(&self, path: &Path) -> bool {
         !self.files.is_empty() && source::open(path).is_ok_and(|source| self.goes_on(&source).is_ok_and(|same| same))
     }

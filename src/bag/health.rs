@@ -25,13 +25,11 @@ pub struct Health {
 
 impl Health {
     /// Nothing to warn of.
-    #[must_use]
     pub fn is_clean(&self) -> bool {
         self.warnings.is_empty()
     }
 
     /// Why nothing may be concluded from the recording, where its signals cannot be of one machine.
-    #[must_use]
     pub fn disqualified(&self) -> Option<String> {
         let found = self.warnings.iter().filter_map(|warning| match warning {
             Warning::Doubtful(finding) if finding.severity == Severity::Disqualified => Some(finding.to_string()),
@@ -42,7 +40,6 @@ impl Health {
     }
 
     /// Why no measure may be taken of the recording: whatever makes its figures those of something else than the unit.
-    #[must_use]
     pub fn untrusted(&self) -> Option<String> {
         let doubts = [Kind::Impossible, Kind::SeveralSenders, Kind::OtherClock, Kind::Frozen, Kind::Compressed];
         let found = self.warnings.iter().filter_map(|warning| match warning {
@@ -54,14 +51,12 @@ impl Health {
     }
 
     /// What the bag states under a key of its metadata; the first of its files that has the key counts.
-    #[must_use]
     pub fn about(&self, key: &str) -> Option<&str> {
         self.files.iter().find_map(|file| file.about.get(key)).map(String::as_str)
     }
 
     /// How far the command may have been from that of its messages, pu, between the few points of a historian: infinite where nobody says it; 0 where
     /// it was not compressed.
-    #[must_use]
     pub fn command_deviation_pu(&self) -> f64 {
         let stated =
             |file: &FileHealth| file.about.get(COMMAND_DEVIATION)?.parse().ok().filter(|pu: &f64| !pu.is_nan());
@@ -69,7 +64,6 @@ impl Health {
     }
 
     /// The bag states that its data was simulated and not measured.
-    #[must_use]
     pub fn is_synthetic(&self) -> bool {
         self.about(SYNTHETIC) == Some("true")
     }

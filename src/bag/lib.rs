@@ -191,7 +191,6 @@ impl Default for Topics {
 
 impl Topics {
     /// The topic of a stream.
-    #[must_use]
     pub fn of(&self, stream: Stream) -> &str {
         match stream {
             Stream::Command => &self.command,
@@ -237,7 +236,6 @@ pub enum Interpolation {
 
 impl Interpolation {
     /// Time between added rows, ns; none where none are added.
-    #[must_use]
     pub fn period_ns(self) -> Option<i64> {
         match self {
             Self::Hold => None,
@@ -260,7 +258,6 @@ pub enum Positions {
 
 impl Positions {
     /// As a unit's file defines.
-    #[must_use]
     pub fn of(channels: ChannelReadings) -> Self {
         if channels == ChannelReadings::default() { Self::Pu } else { Self::Recorded(channels) }
     }

@@ -103,19 +103,16 @@ impl Eq for QueuedMessage {}
 
 impl MergedMessages {
     /// How the files are.
-    #[must_use]
     pub fn files(&self) -> &[FileHealth] {
         &self.files
     }
 
     /// The topics by name.
-    #[must_use]
     pub fn topics(&self) -> &[Arc<TopicInfo>] {
         &self.topics
     }
 
     /// Log times of the first and the last message, ns; `None` without messages.
-    #[must_use]
     pub fn span_ns(&self) -> Option<(i64, i64)> {
         self.span_ns
     }
@@ -127,7 +124,6 @@ impl MergedMessages {
     }
 
     /// What a user should read before the messages.
-    #[must_use]
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
     }

@@ -73,14 +73,12 @@ pub struct Time {
 
 impl Time {
     /// Nanoseconds since the epoch; `None` where `nanosec` is not below one second.
-    #[must_use]
     pub fn nanos(self) -> Option<i64> {
         let nanosec = i64::from(self.nanosec);
         (nanosec < NANOS_PER_SECOND).then(|| i64::from(self.sec) * NANOS_PER_SECOND + nanosec)
     }
 
     /// From nanoseconds since the epoch; times that `sec` cannot hold (before 1901, after 2038) stop at its ends.
-    #[must_use]
     pub fn from_nanos(time_ns: i64) -> Self {
         let nanosec = u32::try_from(time_ns.rem_euclid(NANOS_PER_SECOND)).unwrap_or_default();
         match i32::try_from(time_ns.div_euclid(NANOS_PER_SECOND)) {
@@ -102,7 +100,6 @@ pub struct Header {
 
 impl Header {
     /// A header with this time and no frame.
-    #[must_use]
     pub fn at(time_ns: i64) -> Self {
         Self { stamp: Time::from_nanos(time_ns), frame_id: String::new() }
     }

@@ -19,7 +19,6 @@ impl std::fmt::Debug for Newest {
 
 impl Newest {
     /// Nothing has come: command and pressure are NaN, the ESV is normal, no force acts.
-    #[must_use]
     pub fn new(options: &ReadOptions) -> Self {
         let inputs = Inputs {
             opening_command_pu: f64::NAN,
@@ -58,7 +57,6 @@ impl Newest {
     }
 
     /// Messages of a stream that came, and those of them that could not be used.
-    #[must_use]
     pub fn counts(&self, stream: Stream) -> (u64, u64) {
         let all = self.collected.all();
         let health = all.iter().find(|one| one.stream() == stream).map(|one| one.health());

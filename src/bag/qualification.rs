@@ -52,7 +52,6 @@ pub(crate) const PRESSURES_PA: [(&str, f64); 5] =
 const USUAL_PA: std::ops::RangeInclusive<f64> = 1.5e6..=2.5e7;
 
 /// The unit in which a number is a usual tank pressure.
-#[must_use]
 pub fn unit_of_pressure(number: f64) -> Option<&'static str> {
     PRESSURES_PA.iter().find(|(_, in_pa)| USUAL_PA.contains(&(number * in_pa))).map(|(name, _)| *name)
 }

@@ -30,21 +30,18 @@ pub struct Recovered {
 
 impl Recovered {
     /// Bytes of the damaged bag that hold nothing that could be read.
-    #[must_use]
     pub fn lost_bytes(&self) -> u64 {
         self.files.iter().flat_map(|file| &file.damage).map(|damage| damage.lost_bytes).sum()
     }
 }
 
 /// Where a broken-off recording of this name is kept, if there is one and the name itself is free.
-#[must_use]
 pub fn broken_off(place: &Path) -> Option<PathBuf> {
     let kept = unfinished::kept(place);
     (!place.exists() && kept.is_dir()).then_some(kept)
 }
 
 /// The name that the broken-off recording at this path would have had.
-#[must_use]
 pub fn intended_place(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?.to_string_lossy();
     let name = name.strip_prefix('.')?.strip_suffix(".unfinished")?;

@@ -134,7 +134,6 @@ impl Qos {
     }
 
     /// As rosbag2 keeps it in a channel's metadata.
-    #[must_use]
     pub fn to_yaml(self) -> String {
         let reliability = if self.reliable { "reliable" } else { "best_effort" };
         let durability = if self.transient_local { "transient_local" } else { "volatile" };

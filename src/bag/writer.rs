@@ -91,7 +91,6 @@ pub struct Sealed {
 
 impl Sealed {
     /// The bag's folder as it is called now, and as it will be.
-    #[must_use]
     pub fn moves(&self) -> (PathBuf, PathBuf) {
         (self.folder.path().to_owned(), self.folder.place().to_owned())
     }
@@ -238,7 +237,6 @@ impl Writer {
     }
 
     /// Whether the disk is full, so that the bag should be completed in the room that was kept for it: more messages will hardly fit.
-    #[must_use]
     pub fn is_full(&self) -> bool {
         self.full.load(Ordering::Relaxed)
     }

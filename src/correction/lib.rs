@@ -5,8 +5,6 @@
 //! and the model file need no foreign library, so that every build can run a model; only `booster`, `search` and `training`,
 //! which make one, need the feature `residual`.
 
-#![expect(clippy::must_use_candidate, reason = "a getter whose result is dropped does no harm; builders say must_use")]
-
 pub mod adapt;
 pub mod band;
 #[cfg(feature = "residual")]

@@ -68,7 +68,6 @@ impl Measure {
     ];
 
     /// The key in limits, JSON and CSV, with its unit.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::DeadTime => "dead_time_s",
@@ -86,13 +85,11 @@ impl Measure {
     }
 
     /// The measure with this key.
-    #[must_use]
     pub fn find(id: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|measure| measure.id() == id)
     }
 
     /// The name in words.
-    #[must_use]
     pub fn title(self) -> &'static str {
         match self {
             Self::DeadTime => "dead time",
@@ -110,7 +107,6 @@ impl Measure {
     }
 
     /// The unit: of seconds, Hz, pu of stroke, or a share.
-    #[must_use]
     pub fn unit(self) -> &'static str {
         match self {
             Self::DeadBand | Self::Hysteresis | Self::TrackingError => "pu",
@@ -121,7 +117,6 @@ impl Measure {
     }
 
     /// How it is computed, in a sentence.
-    #[must_use]
     pub fn definition(self) -> &'static str {
         match self {
             Self::DeadTime => {
@@ -185,20 +180,17 @@ pub struct Measures {
 
 impl Measures {
     /// One of them.
-    #[must_use]
     pub fn of(&self, measure: Measure) -> &MeasureFound {
         &self.found[measure as usize]
     }
 
     /// The value of one of them.
-    #[must_use]
     pub fn value(&self, measure: Measure) -> Option<Interval> {
         self.of(measure).value
     }
 }
 
 /// Takes all measures of one unit's series.
-#[must_use]
 pub fn measure(all: &[Series]) -> Measures {
     let (response, bandwidth) = frequency::response(all);
     let found = vec![

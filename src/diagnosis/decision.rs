@@ -42,7 +42,6 @@ pub struct Decision {
 
 impl Decision {
     /// By a posterior.
-    #[must_use]
     pub fn new(table: &EvidenceTable, posterior: &Posterior, catalogue: &[&'static EffectSpec]) -> Self {
         let effects: Vec<(&'static EffectSpec, f64)> =
             catalogue.iter().map(|&spec| (spec, posterior.inclusion(table, spec.id))).collect();
@@ -94,7 +93,6 @@ impl Decision {
     }
 
     /// The same with another verdict that blames nothing, which is then the probable one.
-    #[must_use]
     pub(crate) fn forced(mut self, verdict: Verdict) -> Self {
         let to_unknown = matches!(verdict, Verdict::Unknown | Verdict::NoSuchUnit);
         let room = if to_unknown { 1.0 - self.unknown } else { 1.0 - self.none };
@@ -119,7 +117,6 @@ impl Decision {
     }
 
     /// Probability of each stage: of its effects, and of something unknown there.
-    #[must_use]
     pub fn stages(&self) -> Vec<(Stage, f64)> {
         let of = |stage: Stage| {
             let known: f64 = self.effects.iter().filter(|(spec, _)| spec.stage == stage).map(|(_, p)| p).sum();

@@ -11,7 +11,6 @@ pub(crate) const STANDS_OUT: f64 = 20.0;
 const ALIKE: f64 = 0.97;
 
 /// The smallest size of each effect that would stand out.
-#[must_use]
 pub fn detectable_sizes(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<DetectableSize> {
     let base = &explored.refitted().base;
     let of = |(effect, spec): (usize, &&'static EffectSpec)| {
@@ -33,7 +32,6 @@ pub fn detectable_sizes(explored: &Explored, catalogue: &[&'static EffectSpec]) 
 }
 
 /// Pairs whose marks are alike, most alike first.
-#[must_use]
 pub fn ambiguous_pairs(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<(String, String, f64)> {
     let mut pairs = Vec::new();
     for (a, one) in catalogue.iter().enumerate() {

@@ -68,7 +68,6 @@ pub struct Shared {
 
 impl Shared {
     /// Of these marks; the model without effects costs so much.
-    #[must_use]
     pub fn new(problem: &Problem, columns: &Arc<Columns>, without_effects: f64) -> Self {
         let rows: Vec<usize> = columns.marks.iter().map(DMatrix::nrows).collect();
         let n = columns.marks.first().map_or(0, DMatrix::ncols);
@@ -77,7 +76,6 @@ impl Shared {
     }
 
     /// The normal equations of a fitted model that has its slopes.
-    #[must_use]
     pub fn normal(&self, model: &FittedModel) -> NormalEquations {
         let (n, b) = (model.free_parameters.len(), self.gram.nrows());
         let laws = self.modulations.count(model);
@@ -179,19 +177,16 @@ impl NormalEquations {
     }
 
     /// The error of equations that is likeliest, where laws are wrong by this much, in moderate discrepancy terms.
-    #[must_use]
     pub fn likeliest_kappa(&self, law_error: f64) -> f64 {
         KAPPAS.into_iter().max_by(|a, b| self.at(*a, law_error).total_cmp(&self.at(*b, law_error))).unwrap_or(KAPPAS[0])
     }
 
     /// Logarithm of the evidence with errors of equations and of laws of these sizes.
-    #[must_use]
     pub fn at(&self, kappa: f64, law_error: f64) -> f64 {
         self.with_terms(|_| kappa, law_error)
     }
 
     /// The same with something unknown at a stage, whatever its size.
-    #[must_use]
     pub(crate) fn unknown_at(&self, stage: Stage) -> f64 {
         let at: Vec<bool> = discrepancy::places().map(|place| place.stage == stage).collect();
         if !at.contains(&true) {
@@ -205,7 +200,6 @@ impl NormalEquations {
 
     /// By how much something unknown at one place lowers the cost, and the most probable sizes of all terms, in moderate terms; `sizes` are those of
     /// the unknown and of the error of equations beforehand. What is to be explained may be given by its products with the terms' marks.
-    #[must_use]
     pub fn terms(&self, place: usize, sizes: (f64, f64), goal: Option<&DVector<f64>>) -> (f64, Vec<f64>) {
         let at = discrepancy::PLACES.get(place).map(|place| place.words);
         let here: Vec<bool> = discrepancy::places().map(|place| Some(place.words) == at).collect();
@@ -232,7 +226,6 @@ impl NormalEquations {
     }
 
     /// What the free parameters could still gain by the slopes at hand, nats: next to nothing where a fit has ended.
-    #[must_use]
     pub fn unfinished(&self) -> f64 {
         let n = self.slopes;
         let gradient = self.gradient.rows(0, n).into_owned();
@@ -241,7 +234,6 @@ impl NormalEquations {
     }
 
     /// The cost of all recordings but each in turn: one Gauss-Newton step refits the rest.
-    #[must_use]
     pub fn cost_without_each(&self) -> Vec<f64> {
         let n = self.slopes;
         let all = self.hessian.view((0, 0), (n, n)).into_owned();
@@ -254,7 +246,6 @@ impl NormalEquations {
     }
 
     /// Cost of each recording.
-    #[must_use]
     pub fn costs(&self) -> Vec<f64> {
         self.parts.iter().map(|part| part.cost).collect()
     }

@@ -51,7 +51,6 @@ pub struct Next {
 }
 
 /// The best tests: of those that ask for nothing further, and with a trip, pilot signals or a faster recorder where these tell more per minute.
-#[must_use]
 pub fn design(
     problem: &Problem,
     found: &Explored,
@@ -109,7 +108,6 @@ impl Weighed {
 
 /// Puts the survivors through the candidates and weighs what each would tell, with the signals of the recordings and, where pilot signals
 /// were not among them, with those too. `known` is what nats count for and which signals were recorded.
-#[must_use]
 pub fn weigh(
     problem: &Problem,
     left: &[Survivor<'_>],

@@ -50,13 +50,11 @@ pub struct Scenario {
 }
 
 /// The recording of a scenario, as a reader of its bag would align it.
-#[must_use]
 pub fn recording(scenario: &Scenario) -> Recording {
     Recording::new(scenario.process.id(), streams(scenario).rows())
 }
 
 /// The messages of a scenario, stream by stream.
-#[must_use]
 pub fn streams(scenario: &Scenario) -> GeneratedStreams {
     let Scenario { unit, process, .. } = scenario;
     let random = RandomStreams { seed: scenario.seed, process: *process };
@@ -146,7 +144,6 @@ pub fn streams(scenario: &Scenario) -> GeneratedStreams {
 }
 
 /// A unit of the same type as this one: each parameter drawn from its tolerance, effects kept.
-#[must_use]
 pub fn spread(unit: &Unit, seed: u64) -> Unit {
     let mut drawn = unit.clone();
     let mut random = RandomStreams { seed, process: Process::Startup }.of(Purpose::Unit);

@@ -46,7 +46,6 @@ impl Part {
 }
 
 /// Fits recordings by themselves, from where all together stand; says in a sentence that they are not of one unit, where they are not.
-#[must_use]
 pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
     let leader = found.leader();
     let floor = problem.expected_cost();

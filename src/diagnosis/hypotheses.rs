@@ -61,20 +61,17 @@ impl Explored {
     }
 
     /// The sheet refitted, without any effect.
-    #[must_use]
     pub fn refitted(&self) -> &FittedModel {
         // Exploration begins with it.
         self.hypotheses.iter().find(|one| one.effects.is_empty()).map_or(&self.hypotheses[0].model, |one| &one.model)
     }
 
     /// The likeliest fitted set.
-    #[must_use]
     pub fn leader(&self) -> &FittedModel {
         &self.hypotheses[0].model
     }
 
     /// The model with just these effects, where it was fitted and kept.
-    #[must_use]
     pub fn with(&self, ids: &[&str]) -> Option<&FittedModel> {
         let is_it = |one: &&Hypothesis| {
             one.model.effects.len() == ids.len()
@@ -85,7 +82,6 @@ impl Explored {
     }
 
     /// The model of the first of these sets that was fitted and kept, likeliest first; the leader where none was.
-    #[must_use]
     pub fn nearest(&self, sets: &[(Vec<String>, f64)]) -> &FittedModel {
         let model = |(ids, _): &(Vec<String>, f64)| self.with(&ids.iter().map(String::as_str).collect::<Vec<_>>());
         sets.iter().find_map(model).unwrap_or_else(|| self.leader())
@@ -154,7 +150,6 @@ pub struct Singles {
 
 impl Singles {
     /// Profiles every effect on top of the sheet as it was delivered, which a cause that is missing has not stretched.
-    #[must_use]
     pub fn profiled(
         problem: &Problem,
         refitted: &FittedModel,
@@ -168,7 +163,6 @@ impl Singles {
     }
 
     /// The unit with the likeliest effect, where any gains something.
-    #[must_use]
     pub fn leading(&self) -> Option<&Unit> {
         self.leading.as_ref()
     }
@@ -185,7 +179,6 @@ pub struct Exploration<'a> {
 
 impl<'a> Exploration<'a> {
     /// Begins one: the likeliest sets by the linear picture at both points are fitted.
-    #[must_use]
     pub fn begin(
         problem: &'a Problem,
         refitted: &'a FittedModel,
@@ -221,13 +214,11 @@ impl<'a> Exploration<'a> {
     }
 
     /// The unit of the likeliest set so far.
-    #[must_use]
     pub(crate) fn leading_unit(&self) -> Option<Unit> {
         self.known.ordered().first().map(|leader| leader.model.unit())
     }
 
     /// Goes on: the leading sets are fitted with care, and all sets are weighed anew at the leader and fitted, until it stands.
-    #[must_use]
     pub fn finish(self, progress: &(dyn Fn(&str, f64) + Sync)) -> Explored {
         let Self { explorer, sheet, discrepancy, linearisation, mut known } = self;
         progress("fitting the likeliest sets with care", 0.5);
@@ -295,7 +286,6 @@ fn proposals_at(
 }
 
 /// Explores the fault sets of a catalogue to the end.
-#[must_use]
 pub fn explore(
     problem: &Problem,
     refitted: &FittedModel,

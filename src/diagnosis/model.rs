@@ -33,21 +33,18 @@ pub struct FittedModel {
 
 impl FittedModel {
     /// A model as fitted.
-    #[must_use]
     pub fn new(effects: Vec<&'static EffectSpec>, base: Unit, free_parameters: Vec<FreeParameter>, fit: Fit) -> Self {
         let spread = covariance(&free_parameters, &fit);
         Self { effects, base, free_parameters, fit, spread }
     }
 
     /// The unit without effects of ours, as the sheet has it, unfitted.
-    #[must_use]
     pub fn sheet(problem: &Problem, unit: &Unit, free_parameters: &[FreeParameter]) -> Self {
         let positions = free_parameters.iter().map(|free_parameter| free_parameter.start(unit)).collect();
         Self::unfitted(problem, Vec::new(), (unit.clone(), free_parameters.to_vec(), positions))
     }
 
     /// The effects as they stand on the sheet as it was delivered, unfitted.
-    #[must_use]
     pub(crate) fn unstretched(&self, problem: &Problem) -> Self {
         let (base, free_parameters, mut positions) = self.placed();
         let priors = free_parameters.iter().map(Coordinate::prior_centre);
@@ -69,7 +66,6 @@ impl FittedModel {
     }
 
     /// The same effects and free parameters, fitted otherwise, if that is better.
-    #[must_use]
     pub(crate) fn or_better(&self, fit: Fit) -> Self {
         if fit.cost() <= self.fit.cost() || self.fit.slopes.is_empty() {
             Self::new(self.effects.clone(), self.base.clone(), self.free_parameters.clone(), fit)
@@ -79,7 +75,6 @@ impl FittedModel {
     }
 
     /// The unit with these of the model's effects alone, its free parameters, and where they stand.
-    #[must_use]
     pub fn keeping(&self, ids: &[&str]) -> Placed {
         let own = self.base.effects.len() - self.effects.len();
         let kept = |effect: usize| effect < own || ids.contains(&self.base.effects[effect].id.as_str());
@@ -100,13 +95,11 @@ impl FittedModel {
     }
 
     /// Squares of residuals and priors together.
-    #[must_use]
     pub fn cost(&self) -> f64 {
         self.fit.cost()
     }
 
     /// What the recordings say of a free parameter beyond the sheet: 0 where they say nothing, 1 where the sheet's tolerance does not matter.
-    #[must_use]
     pub fn information(&self, free_parameter: usize) -> f64 {
         if self.free_parameters[free_parameter].has_prior() {
             (1.0 - self.spread[(free_parameter, free_parameter)].max(0.0)).clamp(0.0, 1.0)
@@ -117,7 +110,6 @@ impl FittedModel {
 
     /// How far the sheet is stretched: squares of the parameters' deviations in tolerances, over what the recordings say of them, which
     /// counts as three parameters at least, since one or two may lie far out by chance. About 1 where tolerances mean what they say.
-    #[must_use]
     pub fn prior_per_parameter(&self) -> f64 {
         let told: f64 = (0..self.free_parameters.len())
             .filter(|&k| self.free_parameters[k].has_prior())
@@ -127,7 +119,6 @@ impl FittedModel {
     }
 
     /// The parameters that stand at least so many tolerances off the sheet, the farthest two, in words.
-    #[must_use]
     pub(crate) fn stretched(&self, least: f64) -> Vec<String> {
         let positions = self
             .free_parameters
@@ -145,7 +136,6 @@ impl FittedModel {
     }
 
     /// The unit as fitted without one of the model's effects.
-    #[must_use]
     pub fn without(&self, own: usize) -> Unit {
         let mut unit = self.unit();
         let first = unit.effects.len() - self.effects.len();
@@ -154,38 +144,32 @@ impl FittedModel {
     }
 
     /// The unit as fitted.
-    #[must_use]
     pub fn unit(&self) -> Unit {
         subject_at(&self.base, &self.free_parameters, &self.fit.positions)
     }
 
     /// Whether it has this effect.
-    #[must_use]
     pub fn has(&self, id: &str) -> bool {
         self.effects.iter().any(|effect| effect.id == id)
     }
 
     /// Ids of the effects.
-    #[must_use]
     pub fn ids(&self) -> Vec<&'static str> {
         self.effects.iter().map(|effect| effect.id).collect()
     }
 
     /// The unit, its free parameters, and where they stand.
-    #[must_use]
     pub fn placed(&self) -> Placed {
         (self.base.clone(), self.free_parameters.clone(), self.fit.positions.clone())
     }
 
     /// The same with one more effect; none where the size is out of its range.
-    #[must_use]
     pub fn with_effect(&self, spec: &'static EffectSpec, variant: Variant) -> Option<Placed> {
         let mut placed = self.placed();
         add(&mut placed, spec, variant).then_some(placed)
     }
 
     /// What a fit from here on begins with.
-    #[must_use]
     pub(crate) fn onwards(&self, effort: Effort) -> Start<'_, FreeParameter> {
         let known = (!self.fit.slopes.is_empty()).then_some(self.fit.slopes.as_slice());
         Start { base: &self.base, coordinates: &self.free_parameters, positions: &self.fit.positions, effort, known }
@@ -193,7 +177,6 @@ impl FittedModel {
 }
 
 /// Covariance of the free parameters about a fit; infinite where it says nothing.
-#[must_use]
 pub fn covariance(free_parameters: &[FreeParameter], fit: &Fit) -> DMatrix<f64> {
     let (hessian, _) = normal(free_parameters, &fit.positions, &fit.residuals, &fit.slopes, 1.0);
     let n = free_parameters.len();

@@ -13,7 +13,6 @@ use govtwin_model::effects::EffectSpec;
 use govtwin_model::parameters::{ENTRIES, Unit};
 
 /// The regret for a unit of these true values; none where one of its effects is not in the catalogue.
-#[must_use]
 pub fn regret(
     problem: &Problem,
     explored: &Explored,

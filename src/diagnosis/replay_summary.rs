@@ -122,7 +122,6 @@ pub struct ParameterDifferences {
 
 impl ParameterDifferences {
     /// Compares a unit with the shipped one.
-    #[must_use]
     pub fn new(name: String, files: Vec<String>, unit: &Unit, shipped: &Unit) -> Self {
         let changed = ENTRIES
             .iter()
@@ -191,7 +190,6 @@ pub struct RecordingFigures {
 }
 
 /// Pools recordings into groups.
-#[must_use]
 pub fn summarise(
     parameters: ParameterDifferences,
     cut: Cut,
@@ -239,7 +237,6 @@ pub fn summarise(
 }
 
 /// The name of a cut on the command line and in figures.
-#[must_use]
 pub fn cut_id(cut: Cut) -> &'static str {
     match cut {
         Cut::None => "none",

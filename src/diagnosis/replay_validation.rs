@@ -50,7 +50,6 @@ impl Measure {
     pub const ALL: [Self; 5] = [Self::Mae, Self::Rmse, Self::Max, Self::Bias, Self::R2];
 
     /// The name in limits.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Mae => "mae",
@@ -62,7 +61,6 @@ impl Measure {
     }
 
     /// Its value among the figures of a signal, in the signal's unit.
-    #[must_use]
     pub fn of(self, figures: &SignalFigures) -> f64 {
         match self {
             Self::Mae => figures.mae,
@@ -75,7 +73,6 @@ impl Measure {
 }
 
 /// The short name of a signal in limits.
-#[must_use]
 pub fn short_name(signal: Signal) -> &'static str {
     match signal {
         Signal::SpoolPosition => "spool",
@@ -104,7 +101,6 @@ impl Side {
     }
 
     /// As it is written.
-    #[must_use]
     pub fn sign(self) -> &'static str {
         match self {
             Self::AtMost => "<=",
@@ -256,7 +252,6 @@ pub struct Check {
 
 impl Check {
     /// Whether it breaks its limit.
-    #[must_use]
     pub fn is_broken(&self) -> bool {
         self.standing != Standing::Passes
     }
@@ -331,7 +326,6 @@ impl Validation {
 
 /// Holds the figures of a replay against limits and a baseline, which may be exceeded by a share; `stretch` finds where the error of a signal is largest
 /// within a recording.
-#[must_use]
 pub fn validate(
     summary: &ReplaySummary,
     limits: &[RequiredLimit],

@@ -59,7 +59,6 @@ impl Verdict {
         [Self::Named, Self::Class, Self::Unknown, Self::NoGap, Self::NotExcited, Self::NoSuchUnit];
 
     /// The word in reports.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Named => "named",

@@ -41,7 +41,6 @@ pub struct Plate {
 
 impl Plate {
     /// A value, in the SI unit of its item; none where it is not known.
-    #[must_use]
     pub fn get(&self, key: &str) -> Option<f64> {
         self.values.get(key).map(|given| given.value)
     }

@@ -91,7 +91,6 @@ impl Judged<'_> {
 }
 
 /// Builds the diagnosis.
-#[must_use]
 pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, seen: BeforeVerdict) -> Diagnosis {
     let Judged { problem, explored, decision, whole, ref fractions, .. } = judged;
     let BeforeVerdict { channels, mut notes } = seen;

@@ -69,7 +69,6 @@ pub struct Level {
 
 impl Level {
     /// How far an estimate lies from the mean, over what both are known by; none of the first.
-    #[must_use]
     pub fn residual(&self, size: f64, sd: f64) -> Option<f64> {
         (self.weight > 0.0).then(|| (size - self.mean) / (sd * sd + 1.0 / self.weight).sqrt())
     }
@@ -99,27 +98,23 @@ impl Sums {
     }
 
     /// The larger of both.
-    #[must_use]
     pub fn largest(&self) -> f64 {
         self.growth.max(self.shrinkage)
     }
 
     /// Whether it is rather growth.
-    #[must_use]
     pub(crate) fn is_growth(&self) -> bool {
         self.growth >= self.shrinkage
     }
 }
 
 /// Estimates until both sums together first give a false alarm at this limit, on average.
-#[must_use]
 pub(crate) fn run_length(limit: f64) -> f64 {
     let exponent = 2.0 * ALLOWANCE * (limit + BEYOND);
     0.5 * (exponent.exp() - exponent - 1.0) / (2.0 * ALLOWANCE * ALLOWANCE)
 }
 
 /// The limit of both sums for so many estimates between two false alarms.
-#[must_use]
 pub fn limit(between_false_alarms: f64) -> f64 {
     let (mut low, mut high) = (0.0, 60.0);
     for _ in 0..80 {
@@ -170,7 +165,6 @@ fn score(rank: f64, count: u32) -> f64 {
 }
 
 /// The chart of estimates in their order, with so many of them between two false alarms where nothing moves.
-#[must_use]
 pub fn chart(estimates: &[SizeEstimate], between_false_alarms: f64) -> Vec<ChartPoint> {
     let limit = limit(between_false_alarms);
     let mut groups: Vec<Group> = vec![];

@@ -9,13 +9,11 @@ use govtwin_model::signal::Signal;
 const LEAST_REMAINDER: f64 = 0.05;
 
 /// A share as a percentage.
-#[must_use]
 pub fn percent(share: f64) -> String {
     if share.is_finite() { format!("{} %", fixed(100.0 * share, 0)) } else { "–".into() }
 }
 
 /// A probability, or a share that is expected, as a percentage; none is certain, and none is nothing.
-#[must_use]
 pub fn probability(share: f64) -> String {
     match share {
         share if share < 0.005 => "under 1 %".to_owned(),
@@ -25,7 +23,6 @@ pub fn probability(share: f64) -> String {
 }
 
 /// A share with its interval, as percentages; no figure if the interval excludes nothing.
-#[must_use]
 pub fn percents(interval: Interval) -> String {
     if interval.leaves_all_open() {
         return "undetermined".to_owned();
@@ -35,7 +32,6 @@ pub fn percents(interval: Interval) -> String {
 }
 
 /// How much of the error is explained, `subject` with its verb: `the fault`, `explains`.
-#[must_use]
 pub fn explained(explained_fraction: Interval, [subject, explains]: [&str; 2]) -> String {
     let error = "the squared error that recalibration leaves beyond noise";
     if explained_fraction.leaves_all_open() {
@@ -49,7 +45,6 @@ pub fn explained(explained_fraction: Interval, [subject, explains]: [&str; 2]) -
 }
 
 /// Where a stage is on the machine.
-#[must_use]
 pub fn stage_title(stage: Stage) -> &'static str {
     match stage {
         Stage::Regulator => "regulator",
@@ -63,13 +58,11 @@ pub fn stage_title(stage: Stage) -> &'static str {
 }
 
 /// Where a stage is on the machine, by its id; the id where there is no such stage.
-#[must_use]
 pub fn stage_words(id: &str) -> &str {
     Stage::with_id(id).map_or(id, |stage| stage_title(stage))
 }
 
 /// Where it lies, in ids and in words: the stages of several effects that are named together, else the most probable stage.
-#[must_use]
 pub fn place(diagnosis: &Diagnosis) -> Option<(String, String)> {
     let id = |stage: Stage| stage.id().replace('_', " ");
     if diagnosis.verdict == Verdict::Named && diagnosis.blamed.len() > 1 {
@@ -83,7 +76,6 @@ pub fn place(diagnosis: &Diagnosis) -> Option<(String, String)> {
 }
 
 /// An id as words: of an effect, `unknown` or `none`.
-#[must_use]
 pub fn id_words(id: &str) -> String {
     match id {
         "unknown" => "something outside the catalogue".to_owned(),
@@ -93,7 +85,6 @@ pub fn id_words(id: &str) -> String {
 }
 
 /// What an effect is, without the full stop: from its documentation, or from its owner's definition.
-#[must_use]
 pub fn cause(diagnosis: &Diagnosis, id: &str) -> String {
     let summary = match effects::find(id) {
         Some(spec) => spec.head().summary,
@@ -130,13 +121,11 @@ pub fn symptom(id: &str) -> String {
 }
 
 /// The name of a parameter without its unit's suffix.
-#[must_use]
 pub fn parameter_title(parameter: &Fitted) -> String {
     parameter_words(&parameter.name, parameter.unit)
 }
 
 /// A parameter's key as words, without the suffix that names its unit.
-#[must_use]
 pub fn parameter_words(key: &str, unit: &str) -> String {
     let spaced: String = unit.chars().map(|c| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { ' ' }).collect();
     let suffix = spaced.split_whitespace().fold(String::new(), |all, word| all + "_" + word);
@@ -144,20 +133,17 @@ pub fn parameter_words(key: &str, unit: &str) -> String {
 }
 
 /// The unit in which a value is shown: shares, and excesses by a share, in percent.
-#[must_use]
 pub fn shown_unit<'a>(key: &str, unit: &'a str) -> &'a str {
     let is_share = ["_share", "extra_ratio", "_excess"].iter().any(|end| key.ends_with(end));
     if unit == "1" && is_share { "pu" } else { unit }
 }
 
 /// A size as words: a sheet's group or an effect, and the parameter; `backlash: play`.
-#[must_use]
 pub fn size_words(of: &str, parameter: &str, unit: &str) -> String {
     format!("{}: {}", id_words(of), parameter_words(parameter, unit))
 }
 
 /// A sheet's key, or an effect and its parameter, as words: `main ports: overlap`.
-#[must_use]
 pub fn key_words(key: &str) -> String {
     let Some((of, parameter)) = key.split_once('.') else { return key.replace('_', " ") };
     let of_effect = || effects::find(of)?.parameters.iter().find(|one| one.name == parameter).map(|one| one.unit);
@@ -166,7 +152,6 @@ pub fn key_words(key: &str) -> String {
 }
 
 /// A sentence with keys of the sheet and ids of effects replaced by readable names; code between backticks stays.
-#[must_use]
 pub fn in_words(text: &str) -> String {
     let is_part = |c: char| c.is_ascii_alphanumeric() || "_.".contains(c);
     let word = |name: &str| {
@@ -192,7 +177,6 @@ pub fn in_words(text: &str) -> String {
 }
 
 /// A value with its interval in the unit that people use for it.
-#[must_use]
 pub fn value(parameter: &Fitted) -> String {
     // One unit for the value and its interval.
     let largest = [parameter.value.low, parameter.value.high]
@@ -215,14 +199,12 @@ pub fn value(parameter: &Fitted) -> String {
 }
 
 /// All parameters of an effect in a line.
-#[must_use]
 pub fn values(parameters: &[Fitted]) -> String {
     let one = |parameter: &Fitted| format!("{} {}", parameter_title(parameter), value(parameter));
     parameters.iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
 /// `a`, `a and b`, `a, b and c`.
-#[must_use]
 pub fn listed(words: &[String], joint: &str) -> String {
     match words {
         [] => String::new(),
@@ -232,7 +214,6 @@ pub fn listed(words: &[String], joint: &str) -> String {
 }
 
 /// The verdict's name for people.
-#[must_use]
 pub fn verdict_title(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Named => "cause found",
@@ -245,7 +226,6 @@ pub fn verdict_title(verdict: Verdict) -> &'static str {
 }
 
 /// The same of a verdict's id; the id where there is no such verdict.
-#[must_use]
 pub fn verdict_words(id: &str) -> &str {
     Verdict::ALL.into_iter().find(|verdict| verdict.id() == id).map_or(id, |verdict| verdict_title(verdict))
 }
@@ -258,13 +238,11 @@ fn error(gap: &SignalGap, of: impl Fn(&SignalGap) -> f64) -> String {
 }
 
 /// Whether a signal is a result of the twin: what drives a stage on its own has neither an error nor noise.
-#[must_use]
 pub fn is_judged(gap: &SignalGap) -> bool {
     [gap.noise_floor, gap.delivered, gap.refitted].iter().any(|value| *value != 0.0)
 }
 
 /// RMS errors of the twins: with the data sheet, recalibrated, with faults, and of noise alone.
-#[must_use]
 pub fn errors(diagnosis: &Diagnosis) -> String {
     let positions = diagnosis.gap.iter().filter(|gap| gap.signal != Signal::ControlPressure && is_judged(gap));
     let said: Vec<String> = positions
@@ -285,7 +263,6 @@ pub fn errors(diagnosis: &Diagnosis) -> String {
 }
 
 /// The remaining error in multiples of the noise, signal by signal: 1 is a right twin.
-#[must_use]
 pub fn over_noise(diagnosis: &Diagnosis) -> String {
     let known = |gap: &&SignalGap| gap.noise_floor > 0.0 && gap.signal != Signal::ControlPressure;
     let left = |gap: &SignalGap| if diagnosis.blamed.is_empty() { gap.refitted } else { gap.with_effects };
@@ -299,14 +276,12 @@ pub fn over_noise(diagnosis: &Diagnosis) -> String {
 }
 
 /// What the twin with effects is called beside the recalibrated one; none where it has none.
-#[must_use]
 pub fn improved(diagnosis: &Diagnosis) -> Option<&'static str> {
     let nearest = diagnosis.remainder.as_ref().is_some_and(|one| !one.beside.is_empty());
     if diagnosis.blamed.is_empty() { nearest.then_some("with the nearest causes") } else { Some("with faults") }
 }
 
 /// What the causes leave and where: `27 % of the error beyond noise remains: look at the main ports and servomotor; it is largest in …`.
-#[must_use]
 pub fn remains(diagnosis: &Diagnosis) -> Option<String> {
     let one = diagnosis.remainder.as_ref().filter(|one| one.share >= LEAST_REMAINDER)?;
     let stage = one.stage.map(|stage| format!("something else at the {} would explain most of it", stage_title(stage)));
@@ -340,7 +315,6 @@ fn lower(text: &str) -> String {
 }
 
 /// One of several faults, in a paragraph.
-#[must_use]
 pub fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
     let open = if blame.explained_fraction.leaves_all_open() { "a share that is " } else { "" };
     format!(
@@ -355,7 +329,6 @@ pub fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
 }
 
 /// The note that the named effects are probably not all.
-#[must_use]
 pub fn besides(diagnosis: &Diagnosis) -> Option<String> {
     let named = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class);
     let unknown = diagnosis.ranking.iter().find(|ranked| ranked.id == "unknown" && ranked.probability > 0.5);

@@ -3,8 +3,6 @@
 //! Start at [`frame`], then [`twin`], then [`plant`] with one file per block of the chain. Nothing here knows bags, buses or clocks; the only
 //! file format is that of parameter files ([`params`]).
 
-#![expect(clippy::must_use_candidate, reason = "a getter whose result is dropped does no harm; builders say must_use")]
-
 pub mod effects;
 pub mod frame;
 pub mod metrics;

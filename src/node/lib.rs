@@ -17,8 +17,6 @@
 //!
 //! What it does not do: a publisher's lease, deadline and lifespan are not judged, silence is, by arrival; DDS security cannot be followed. RustDDS is the repaired copy below `vendor/`, see `transport`.
 
-#![expect(clippy::must_use_candidate, reason = "a getter whose result is dropped does no harm; builders say must_use")]
-
 pub mod arguments;
 pub mod bus;
 pub mod bus_map;

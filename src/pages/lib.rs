@@ -19,8 +19,6 @@
 //! assert!(page.to_html().starts_with("<!DOCTYPE html>"));
 //! ```
 
-#![expect(clippy::must_use_candidate, reason = "a getter whose result is dropped does no harm; builders say must_use")]
-
 pub mod acceptance;
 pub mod diagnosis;
 pub mod draw;

@@ -124,7 +124,6 @@ impl Format {
     }
 
     /// Its name, or the pattern.
-    #[must_use]
     pub fn name(&self) -> &str {
         match self {
             Self::Pattern(pattern) => pattern,

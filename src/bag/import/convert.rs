@@ -29,7 +29,6 @@ impl Conversion {
         Self { scale: 1.0, offset: 0.0, range: None, to: [0.0, 1.0], unit: UnitConversion::ONE, turned: false };
 
     /// The value after the import.
-    #[must_use]
     pub fn apply(&self, raw: f64) -> f64 {
         let mut value = raw;
         if self.scale != 1.0 {
@@ -63,7 +62,6 @@ impl UnitConversion {
     pub const ONE: Self = Self { times: 1.0, by: 1.0, plus: 0.0 };
 
     /// A value in SI units.
-    #[must_use]
     pub fn apply(&self, value: f64) -> f64 {
         let mut value = value;
         if self.times != 1.0 {
@@ -158,13 +156,11 @@ fn known(name: &str) -> Option<UnitOf> {
 }
 
 /// The unit that a word at the end of a name states, as people write it; empty where it states none.
-#[must_use]
 pub fn at_end_of_name(word: &str) -> &'static str {
     UNITS.iter().find(|(plain, ..)| *plain == word).map_or("", |(.., written)| written)
 }
 
 /// The unit with a capital inside, as `kPa` and `mA` have one, that stands behind everything else of a name; empty where none does.
-#[must_use]
 pub fn with_capital_at_end_of(name: &str) -> &'static str {
     let inside = |written: &&str| written.starts_with(char::is_lowercase) && written.contains(char::is_uppercase);
     let mut all = UNITS.iter().map(|(.., written)| *written).filter(inside);
@@ -172,7 +168,6 @@ pub fn with_capital_at_end_of(name: &str) -> &'static str {
 }
 
 /// A unit in a plain form: lower case, brackets and blanks off, `(a)` and `abs` as `a`, `(g)`, `(ü)` and `gauge` as `g`.
-#[must_use]
 pub fn plain(text: &str) -> String {
     let lower = text.to_lowercase().replace([' ', '_'], "").replace("(a)", "a").replace(['²', '₂'], "2");
     let lower = ["(g)", "(ü)", "gauge"].iter().fold(lower, |text, gauge| text.replace(gauge, "g"));
@@ -186,7 +181,6 @@ pub fn plain(text: &str) -> String {
 }
 
 /// A unit of pressure, gauge or absolute.
-#[must_use]
 pub fn pressure(text: &str) -> Option<UnitConversion> {
     let name = plain(text);
     // `MPa` and `mPa` differ only in case, and nobody measures oil in the latter.
@@ -205,7 +199,6 @@ pub fn pressure(text: &str) -> Option<UnitConversion> {
 }
 
 /// A unit of a share of a stroke.
-#[must_use]
 pub fn share(text: &str) -> Option<UnitConversion> {
     match known(&plain(text)) {
         Some(Share(by)) => Some(UnitConversion::by(by)),
@@ -214,13 +207,11 @@ pub fn share(text: &str) -> Option<UnitConversion> {
 }
 
 /// Whether a text is a unit of what a position transducer gives.
-#[must_use]
 pub fn is_travel(text: &str) -> bool {
     matches!(known(&plain(text)), Some(Travel))
 }
 
 /// Whether a text is a unit that a header may state for any signal.
-#[must_use]
 pub fn is_unit(text: &str) -> bool {
     let name = plain(text);
     pressure(text).is_some()
@@ -231,7 +222,6 @@ pub fn is_unit(text: &str) -> bool {
 }
 
 /// The units of a signal, for messages.
-#[must_use]
 pub fn units_of(target: Target) -> &'static str {
     if target.is_pressure() {
         "Pa, kPa, MPa, bar, psi, kgf/cm2, each gauge, or absolute as `bara`, `MPa(a)`"

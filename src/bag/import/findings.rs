@@ -210,7 +210,6 @@ pub struct Findings {
 
 impl Findings {
     /// Begins to watch the signals of a map.
-    #[must_use]
     pub fn new(map: &Map) -> Self {
         let watch = |signal: &super::map::SignalMap| SignalWatch {
             target: signal.target,
@@ -264,7 +263,6 @@ impl Findings {
     }
 
     /// What is known of the signals, and what a user should look into.
-    #[must_use]
     pub fn finish(self) -> (Vec<SignalFindings>, Vec<String>) {
         let mut warnings = vec![];
         let moves = |watch: &&SignalWatch| {

@@ -144,7 +144,6 @@ pub struct SignalMap {
 
 impl SignalMap {
     /// A signal from a column, as it stands there.
-    #[must_use]
     pub fn of_column(target: Target, column: &str) -> Self {
         Self {
             target,
@@ -163,7 +162,6 @@ impl SignalMap {
     }
 
     /// The name of its column or field; none of a constant.
-    #[must_use]
     pub fn place(&self) -> Option<&str> {
         match &self.from {
             SignalPlace::Column(name) | SignalPlace::Field(name) => Some(name),
@@ -183,7 +181,6 @@ impl Map {
     }
 
     /// The same with the positions of command, spool and servomotor in the units of the file: a stage that is judged alone is told in those.
-    #[must_use]
     pub fn as_recorded(mut self) -> Self {
         let positions = [Target::OpeningCommand, Target::SpoolPosition, Target::ServomotorPosition];
         for signal in self.signals.iter_mut().filter(|signal| positions.contains(&signal.target)) {

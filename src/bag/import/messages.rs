@@ -19,19 +19,16 @@ pub struct MappedField {
 
 impl MappedField {
     /// The signal.
-    #[must_use]
     pub fn target(&self) -> Target {
         self.channel.map.target
     }
 
     /// The topic, as the map names it.
-    #[must_use]
     pub fn topic(&self) -> &str {
         &self.path.topic
     }
 
     /// The field as the map writes it, `/topic.field[index]`.
-    #[must_use]
     pub fn place(&self) -> &str {
         &self.place
     }
@@ -78,7 +75,6 @@ impl Map {
     }
 
     /// The value of a signal that is a constant, in its unit after the import; of the ESV 1 is normal and 0 is shutdown.
-    #[must_use]
     pub fn constant(&self, target: Target) -> Option<f64> {
         self.signals.iter().filter(|signal| signal.target == target).find_map(|signal| match signal.from {
             SignalPlace::Constant(value) => Some(value),
@@ -200,7 +196,6 @@ impl MappedTopic {
     }
 
     /// The time of the newest message by its own header, ns; none where it has none, or the map takes the time of recording.
-    #[must_use]
     pub fn stamp_ns(&self) -> Option<i64> {
         self.stamp_ns
     }
@@ -211,7 +206,6 @@ impl MappedTopic {
     }
 
     /// Whether a trip was seen that is to stay.
-    #[must_use]
     pub fn is_latched(&self) -> bool {
         self.signals.iter().any(|signal| signal.field.channel.is_latched())
     }
@@ -247,7 +241,6 @@ impl MappedTopic {
 }
 
 /// The topics of fields, each once, in the order of the map.
-#[must_use]
 pub fn topics_of(fields: &[MappedField]) -> Vec<String> {
     let mut topics: Vec<String> = vec![];
     for field in fields {

@@ -16,7 +16,6 @@ pub struct Recurring {
 
 impl Recurring {
     /// With the constants of a map.
-    #[must_use]
     pub fn new(map: &Map) -> Self {
         let constant = |signal: &super::SignalMap| match signal.from {
             SignalPlace::Constant(value) => Some((signal.target, value)),

@@ -34,7 +34,6 @@ impl Target {
     ];
 
     /// Its key in maps.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::OpeningCommand => "opening_command",
@@ -48,7 +47,6 @@ impl Target {
     }
 
     /// Its name in words.
-    #[must_use]
     pub fn title(self) -> &'static str {
         match self {
             Self::OpeningCommand => "Opening command",
@@ -62,7 +60,6 @@ impl Target {
     }
 
     /// Its unit after the import; none of the ESV.
-    #[must_use]
     pub fn unit(self) -> &'static str {
         match self {
             Self::TankPressure | Self::ControlPressure => "Pa",
@@ -72,13 +69,11 @@ impl Target {
     }
 
     /// Whether it is a pressure.
-    #[must_use]
     pub fn is_pressure(self) -> bool {
         self.unit() == "Pa"
     }
 
     /// Its place in a row.
-    #[must_use]
     pub fn place(self) -> usize {
         self as usize
     }
@@ -95,19 +90,16 @@ pub struct ImportedRow {
 
 impl ImportedRow {
     /// A row without values.
-    #[must_use]
     pub fn at(time_ns: i64) -> Self {
         Self { time_ns, values: [f64::NAN; Target::ALL.len()] }
     }
 
     /// The value of a signal, in its unit; none where it has none.
-    #[must_use]
     pub fn value(&self, target: Target) -> Option<f64> {
         self.values.get(target.place()).copied().filter(|value| !value.is_nan())
     }
 
     /// The state of the ESV, where the row has it.
-    #[must_use]
     pub fn esv(&self) -> Option<EsvState> {
         let state = |value: f64| if value == 0.0 { EsvState::Shutdown } else { EsvState::Normal };
         self.value(Target::Esv).map(state)
@@ -119,7 +111,6 @@ impl ImportedRow {
     }
 
     /// Whether it holds nothing.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.values.iter().all(|value| value.is_nan())
     }

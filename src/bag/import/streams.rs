@@ -19,7 +19,6 @@ pub struct RowMessages {
 
 impl RowMessages {
     /// The messages of a row, stamped with its time.
-    #[must_use]
     pub fn of(row: &ImportedRow) -> Self {
         let header = || Header::at(row.time_ns);
         let state = |state| match state {

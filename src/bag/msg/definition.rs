@@ -213,7 +213,6 @@ fn field(kind: &str, name: &str, package: &str) -> Option<Field> {
 }
 
 /// `Header` in `std_msgs`, `std_msgs/Header` and `std_msgs/msg/Header` all become the last; primitives stay.
-#[must_use]
 pub fn full_name(name: &str, package: &str) -> String {
     match name.split('/').collect::<Vec<_>>()[..] {
         [package, kind] => format!("{package}/msg/{kind}"),
@@ -329,7 +328,6 @@ pub fn parse_schema(type_name: &str, schema: &str) -> Result<Vec<Definition>, De
 ///
 /// Both lists begin with the type and hold its dependencies in any order. Constants and comments
 /// are not on the wire.
-#[must_use]
 pub fn difference(expected: &[Definition], found: &[Definition]) -> Option<String> {
     let mut pairs = vec![(expected.first()?, found.first()?)];
     for (place, definition) in expected.iter().enumerate().skip(1) {

@@ -26,13 +26,11 @@ impl SimulationResult {
     pub const ALREADY_IN_TARGET_STATE: u8 = 101;
 
     /// Done.
-    #[must_use]
     pub fn ok() -> Self {
         Self { result: Self::OK, error_message: String::new() }
     }
 
     /// Not done, and why.
-    #[must_use]
     pub fn refused(result: u8, why: impl Into<String>) -> Self {
         Self { result, error_message: why.into() }
     }

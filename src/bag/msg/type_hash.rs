@@ -18,7 +18,6 @@ pub fn type_hash(type_name: &str) -> Result<String, DefinitionError> {
 ///
 /// It is SHA-256 over the JSON of `type_description_interfaces/TypeDescription` with the separators
 /// `, ` and `: `, referenced types sorted by name, default values and comments left out.
-#[must_use]
 pub fn hash_of(closure: &[Definition]) -> String {
     let Some((own, referenced)) = closure.split_first() else { return String::new() };
     let mut referenced: Vec<&Definition> = referenced.iter().collect();
@@ -53,7 +52,6 @@ fn field(field: &Field) -> String {
 }
 
 /// A field's type in the numbers of `type_description_interfaces`.
-#[must_use]
 pub fn field_type(field: &Field) -> FieldType {
     let (series, capacity) = match field.count {
         Count::One => (0, 0),
@@ -67,7 +65,6 @@ pub fn field_type(field: &Field) -> FieldType {
 }
 
 /// A described type and all that it is made of as `.msg` texts by name, without comments, constants and defaults.
-#[must_use]
 pub fn texts_of(description: &TypeDescription) -> BTreeMap<String, String> {
     let all = std::iter::once(&description.type_description).chain(&description.referenced_type_descriptions);
     all.map(|one| (one.type_name.clone(), one.fields.iter().map(line_of).collect())).collect()

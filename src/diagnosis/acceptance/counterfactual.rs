@@ -81,7 +81,6 @@ struct TwinVariant {
 /// Measures the recordings, the twin and the twin without each of the faults.
 ///
 /// `progress` is called after each of the [`simulations`].
-#[must_use]
 pub fn compare(
     recordings: &[Recording],
     found: &Unit,
@@ -147,7 +146,6 @@ pub fn compare(
 }
 
 /// Measures of the recordings alone.
-#[must_use]
 pub fn measured_alone(recordings: &[Recording]) -> Compared {
     let measured = measure(&recordings.iter().filter_map(Series::measured).collect::<Vec<_>>());
     let of = |one: Measure| measured.value(one).map(|value| ExpectedValue { value, simulated: false });
@@ -156,7 +154,6 @@ pub fn measured_alone(recordings: &[Recording]) -> Compared {
 }
 
 /// How many twins [`compare`] simulates.
-#[must_use]
 pub fn simulations(found: &Unit, faults: &[String], sizes: &[SizeKnowledge]) -> usize {
     variants(found, &cases(faults), sizes).len()
 }
@@ -192,7 +189,6 @@ fn variants(found: &Unit, cases: &[Vec<String>], sizes: &[SizeKnowledge]) -> Vec
 }
 
 /// The same unit without some effects.
-#[must_use]
 pub fn without(unit: &Unit, removed: &[String]) -> Unit {
     let mut unit = unit.clone();
     unit.effects.retain(|setting| !removed.contains(&setting.id));

@@ -176,7 +176,6 @@ fn least(widths: &[f64], profile: &[f64]) -> f64 {
 }
 
 /// Width of the command's movement that the position does not follow.
-#[must_use]
 pub fn dead_band(all: &[Series]) -> MeasureFound {
     let measure = Measure::DeadBand;
     let mut blocks = 0;
@@ -229,7 +228,6 @@ pub fn dead_band(all: &[Series]) -> MeasureFound {
 }
 
 /// How far apart the positions of rising and of falling commands are.
-#[must_use]
 pub fn hysteresis(all: &[Series]) -> MeasureFound {
     let measure = Measure::Hysteresis;
     let mut events: Vec<MeasuredEvent> = vec![];

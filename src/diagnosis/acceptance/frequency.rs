@@ -49,7 +49,6 @@ struct Power {
 }
 
 /// The response at the frequencies that are excited, and the bandwidth where it lies among them.
-#[must_use]
 pub fn response(all: &[Series]) -> (Vec<Response>, MeasureFound) {
     let mut powers = [Power::default(); CYCLES.len()];
     let mut segments = 0;

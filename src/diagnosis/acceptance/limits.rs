@@ -27,7 +27,6 @@ pub struct AcceptanceLimits {
 
 impl AcceptanceLimits {
     /// The limit of a measure, where there is one.
-    #[must_use]
     pub fn limit(&self, measure: Measure) -> Option<&Limit> {
         self.of.iter().find(|(known, _)| *known == measure).map(|(_, limit)| limit)
     }
@@ -49,7 +48,6 @@ pub enum LimitStanding {
 
 impl LimitStanding {
     /// The word in reports.
-    #[must_use]
     pub fn word(self) -> &'static str {
         match self {
             Self::Passes => "passes",
@@ -62,7 +60,6 @@ impl LimitStanding {
 
 impl Limit {
     /// The result of a value against it.
-    #[must_use]
     pub fn judge(&self, value: Option<Interval>) -> LimitStanding {
         let Some(Interval { low, high, .. }) = value else { return LimitStanding::NotMeasured };
         let keeps = |value: f64| self.min.is_none_or(|min| value >= min) && self.max.is_none_or(|max| value <= max);

@@ -85,7 +85,6 @@ fn limit(node: &Node, source: &str) -> Result<Limit, String> {
 }
 
 /// A limits file to fill in: every measure with how it is computed, commented out.
-#[must_use]
 pub fn limits_template() -> String {
     let mut lines = vec![
         "# Limits of an acceptance test. Take away the # before what your contract or standard limits, and give its numbers.".to_owned(),

@@ -88,7 +88,6 @@ fn departures(series: &Series) -> Vec<Departure> {
 }
 
 /// From the command's departure to the position's.
-#[must_use]
 pub fn dead_time(all: &[Series]) -> MeasureFound {
     let mut events = vec![];
     for series in all {
@@ -171,7 +170,6 @@ fn movement(series: &Series, departure: Departure) -> Option<Movement> {
 const FROM_REST_TO_REST: &str = "no command that leaves its rest, moves by 1 % or more and rests for 2 s or longer";
 
 /// How far the position goes beyond its final value.
-#[must_use]
 pub fn overshoot(all: &[Series]) -> MeasureFound {
     let mut events = vec![];
     for series in all {
@@ -190,7 +188,6 @@ pub fn overshoot(all: &[Series]) -> MeasureFound {
 }
 
 /// From the command's arrival until the position stays near its final value.
-#[must_use]
 pub fn settling_time(all: &[Series]) -> MeasureFound {
     let mut events = vec![];
     for series in all {
@@ -216,7 +213,6 @@ pub fn settling_time(all: &[Series]) -> MeasureFound {
 }
 
 /// Command less position, RMS, where the command is less than 5 % ahead.
-#[must_use]
 pub fn tracking_error(all: &[Series]) -> MeasureFound {
     let mut squares = vec![];
     for series in all {

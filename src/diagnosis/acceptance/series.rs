@@ -34,13 +34,11 @@ pub struct Series {
 
 impl Series {
     /// What was measured; none where there is no command or position.
-    #[must_use]
     pub fn measured(recording: &Recording) -> Option<Self> {
         Self::of(recording, |row| recording.frames[row].measured.servomotor_position_pu)
     }
 
     /// A twin's estimates at the same instants.
-    #[must_use]
     pub fn simulated(recording: &Recording, estimates: &[Estimate]) -> Option<Self> {
         let simulated = Self::of(recording, |row| estimates[row].signals.servomotor_position_pu)?;
         // What a twin bends is movement.
@@ -64,7 +62,6 @@ impl Series {
     }
 
     /// Of samples; none where they are too few.
-    #[must_use]
     pub fn new(
         name: &str,
         time_s: Vec<f64>,
@@ -93,44 +90,37 @@ impl Series {
     }
 
     /// Number of samples.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.time_s.len()
     }
 
     /// Whether there is none.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.time_s.is_empty()
     }
 
     /// The first sample at or after a time, s.
-    #[must_use]
     pub fn at(&self, time_s: f64) -> usize {
         self.time_s.partition_point(|time| *time < time_s)
     }
 
     /// Command less position at a sample, pu.
-    #[must_use]
     pub fn error_pu(&self, i: usize) -> f64 {
         self.command_pu[i] - self.position_pu[i]
     }
 
     /// The position's mean over a window about each sample, pu.
-    #[must_use]
     pub(crate) fn smooth_pu(&self, window_s: f64) -> Vec<f64> {
         smooth(&self.time_s, &self.position_pu, window_s)
     }
 
     /// Number of samples that a window of this length holds.
-    #[must_use]
     pub(crate) fn samples_in(&self, window_s: f64) -> f64 {
         (window_s / self.period_s.max(1e-9)).floor().max(1.0)
     }
 }
 
 /// The mean over a window about each sample.
-#[must_use]
 pub fn smooth(time_s: &[f64], values: &[f64], window_s: f64) -> Vec<f64> {
     let (mut from, mut to, mut sum) = (0, 0, 0.0);
     let mut means = Vec::with_capacity(values.len());
@@ -149,7 +139,6 @@ pub fn smooth(time_s: &[f64], values: &[f64], window_s: f64) -> Vec<f64> {
 }
 
 /// Change per second over a window about each sample, by its ends; 0 where the window holds one sample.
-#[must_use]
 pub fn rate(time_s: &[f64], values: &[f64], window_s: f64) -> Vec<f64> {
     let (mut from, mut to) = (0, 0);
     let mut rates = Vec::with_capacity(values.len());
@@ -167,7 +156,6 @@ pub fn rate(time_s: &[f64], values: &[f64], window_s: f64) -> Vec<f64> {
 }
 
 /// Slope and its standard deviation for noise of this size, by least squares.
-#[must_use]
 pub fn slope(time_s: &[f64], values: &[f64], noise: f64) -> (f64, f64) {
     let count = time_s.len() as f64;
     let (mean_t, mean_y) = (time_s.iter().sum::<f64>() / count, values.iter().sum::<f64>() / count);

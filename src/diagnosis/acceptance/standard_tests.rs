@@ -29,7 +29,6 @@ const SINE_PU: f64 = 0.004;
 type InputCourse = dyn Fn(f64) -> (f64, EsvState);
 
 /// Runs all tests; a series for each.
-#[must_use]
 pub fn run(unit: &Unit) -> Vec<Series> {
     let tests: [(&str, f64, f64, &InputCourse); 5] = [
         ("strokes", 0.0, 2.0 * STROKE_S + 2.0, &strokes),

@@ -16,13 +16,11 @@ pub struct MeasuredEvent {
 }
 
 /// Half-width of an interval of nine in ten by Student's distribution, standard deviations.
-#[must_use]
 pub fn student_90(freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, freedom.max(1.0)).map_or(NORMAL_90, |student| student.inverse_cdf(0.95))
 }
 
 /// Mean and standard deviation of one value.
-#[must_use]
 pub fn mean_and_sd(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
@@ -31,7 +29,6 @@ pub fn mean_and_sd(values: &[f64]) -> (f64, f64) {
 }
 
 /// The mean of events: as wide as they differ, and no narrower than each is known.
-#[must_use]
 pub fn mean(events: &[MeasuredEvent]) -> Option<Interval> {
     if events.is_empty() {
         return None;
@@ -46,14 +43,12 @@ pub fn mean(events: &[MeasuredEvent]) -> Option<Interval> {
 }
 
 /// The mean of events as a measure; `missing` states what it needs if there is none.
-#[must_use]
 pub fn found(measure: Measure, events: &[MeasuredEvent], missing: &str) -> MeasureFound {
     let note = if events.is_empty() { missing.to_owned() } else { String::new() };
     MeasureFound { measure, value: mean(events), events: events.len(), note }
 }
 
 /// A measure that the movements do not show.
-#[must_use]
 pub fn missing(measure: Measure, why: impl Into<String>) -> MeasureFound {
     MeasureFound { measure, value: None, events: 0, note: why.into() }
 }

@@ -31,7 +31,6 @@ struct Stroke {
 }
 
 /// Full-stroke time at the full rate.
-#[must_use]
 pub fn stroke_time(all: &[Series], measure: Measure) -> MeasureFound {
     let strokes: Vec<Stroke> = all.iter().flat_map(|series| strokes(series, measure)).collect();
     let events: Vec<MeasuredEvent> = strokes.iter().map(|stroke| stroke.event).collect();
@@ -102,7 +101,6 @@ fn stroke(series: &Series, rows: &[usize], opens: bool) -> Option<Stroke> {
 }
 
 /// How long the last part of closing strokes is slowed.
-#[must_use]
 pub fn cushion_time(all: &[Series]) -> MeasureFound {
     let mut events = vec![];
     for series in all {

@@ -127,7 +127,6 @@ fn expected(all: &[Option<ExpectedValue>], limits: &AcceptanceLimits) -> Vec<Fig
 }
 
 /// Gathers the contents of a report.
-#[must_use]
 pub fn summarise(compared: &Compared, diagnosed: &DiagnosedTwin, limits: &AcceptanceLimits) -> AcceptanceSummary {
     let as_found = expected(&compared.as_found, limits);
     let with_twin = !diagnosed.verdict.is_empty();
@@ -178,7 +177,6 @@ pub fn summarise(compared: &Compared, diagnosed: &DiagnosedTwin, limits: &Accept
 }
 
 /// A value as people read it.
-#[must_use]
 pub fn text(value: f64, measure: Measure) -> String {
     match measure {
         Measure::Overshoot => format!("{} %", significant(100.0 * value, 3)),
@@ -220,7 +218,6 @@ fn sentences(compared: &Compared, limits: &AcceptanceLimits) -> Vec<String> {
 }
 
 /// The figures as CSV: a row for each measure of each subject.
-#[must_use]
 pub fn csv(summary: &AcceptanceSummary) -> String {
     let mut text = "measure,unit,subject,from,value,low,high,events,limit_min,limit_max,standing,note\n".to_owned();
     let quoted = |words: &str| format!("\"{}\"", words.replace('"', "\"\""));

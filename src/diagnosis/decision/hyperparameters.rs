@@ -38,13 +38,11 @@ impl Hyperparameters {
     pub const LEARNED: usize = 7;
 
     /// Those that come with the program.
-    #[must_use]
     pub fn shipped() -> Self {
         serde_json::from_str(include_str!("../../../params/posterior.json")).unwrap_or_else(|_| Self::usual())
     }
 
     /// Nothing learned: round numbers of the right size.
-    #[must_use]
     pub fn usual() -> Self {
         Self {
             tempering: 0.5,
@@ -60,7 +58,6 @@ impl Hyperparameters {
     }
 
     /// The learned ones moved by so much along their logarithms, within what they may be.
-    #[must_use]
     pub fn moved(&self, by: &[f64; Self::LEARNED]) -> Self {
         let [tempering, rarity, further_share, equation_error, law_error, sheet_error, error_spread] = by.map(f64::exp);
         Self {
@@ -76,7 +73,6 @@ impl Hyperparameters {
     }
 
     /// All of them by name.
-    #[must_use]
     pub fn named(&self) -> [(&'static str, f64); 8] {
         [
             ("share of the independent samples that counts", self.tempering),

@@ -73,7 +73,6 @@ impl Weighed {
 
 impl Posterior {
     /// Of a table; sets of struck effects are left out.
-    #[must_use]
     pub fn new(table: &EvidenceTable, numbers: &Hyperparameters, struck: &[&str]) -> Self {
         let all = weighed(table, numbers, struck);
         let unknown: f64 = all.iter().map(|one| one.share * one.unknown()).sum();
@@ -89,7 +88,6 @@ impl Posterior {
     }
 
     /// Probability that an effect is present: the sum over the sets that hold it.
-    #[must_use]
     pub fn inclusion(&self, table: &EvidenceTable, id: &str) -> f64 {
         let holds = |row: usize| table.rows[row].effects.iter().any(|effect| effect == id);
         // A sum of nothing is -0, which reports would show.
@@ -97,13 +95,11 @@ impl Posterior {
     }
 
     /// Probability of something unknown at any stage.
-    #[must_use]
     pub fn unknown(&self) -> f64 {
         self.unknown.iter().map(|(_, probability)| probability).sum()
     }
 
     /// Probability that there is nothing.
-    #[must_use]
     pub fn nothing(&self, table: &EvidenceTable) -> f64 {
         let is_empty = |row: usize| table.rows[row].effects.is_empty();
         self.sets.iter().filter(|(row, _)| is_empty(*row)).map(|(_, probability)| probability).sum()
@@ -235,7 +231,6 @@ fn stages(table: &EvidenceTable, sets: &[Weighed]) -> Vec<(String, f64)> {
 }
 
 /// Rows of the likeliest fault sets, whatever else is at work, likeliest first: those whose distortions are worth a look.
-#[must_use]
 pub fn leaders(table: &EvidenceTable, numbers: &Hyperparameters) -> Vec<usize> {
     let mut all = weighed(table, numbers, &[]);
     all.retain(|one| one.share > LEAST_LEADER && !table.rows[one.row].effects.is_empty());
@@ -244,7 +239,6 @@ pub fn leaders(table: &EvidenceTable, numbers: &Hyperparameters) -> Vec<usize> {
 }
 
 /// Row of the set that leads by the evidence and the odds against its effects, whatever else is at work; none of an empty table.
-#[must_use]
 pub fn likeliest(table: &EvidenceTable, numbers: &Hyperparameters) -> Option<usize> {
     weighed(table, numbers, &[]).into_iter().max_by(|a, b| a.share.total_cmp(&b.share)).map(|one| one.row)
 }
@@ -257,7 +251,6 @@ pub struct CountedNats {
 
 impl CountedNats {
     /// Those of a unit's table.
-    #[must_use]
     pub fn new(table: &EvidenceTable, numbers: &Hyperparameters) -> Self {
         let samples = table.samples.max(1.0);
         let best = table.rows.iter().map(|row| row.cost).fold(f64::INFINITY, f64::min);
@@ -269,13 +262,11 @@ impl CountedNats {
     pub const FULL: Self = Self { each: 1.0 };
 
     /// By what nats are divided.
-    #[must_use]
     pub fn scale(self) -> f64 {
         1.0 / self.each
     }
 
     /// What so many nats count for: nothing at least.
-    #[must_use]
     pub fn of(self, nats: f64) -> f64 {
         self.each * nats.max(0.0)
     }

@@ -7,7 +7,6 @@ use crate::estimation::fit::{Effort, Fit, Start, fit_all};
 const TEMPERATURES: [f64; 3] = [50.0, 5.0, 1.0];
 
 /// Fits from several starts through the temperatures of [`TEMPERATURES`], so many rounds at each.
-#[must_use]
 pub fn annealed<C: Coordinate>(
     data: &impl Judge<C::Subject>,
     base: &C::Subject,

@@ -6,7 +6,6 @@ use nalgebra::DVector;
 pub type Residuals = Vec<DVector<f64>>;
 
 /// Sum of squares of residuals.
-#[must_use]
 pub fn square(residuals: &Residuals) -> f64 {
     residuals.iter().map(DVector::norm_squared).sum()
 }
@@ -27,7 +26,6 @@ pub trait Coordinate: Sync {
 }
 
 /// The subject with all coordinates at their positions.
-#[must_use]
 pub fn subject_at<C: Coordinate>(base: &C::Subject, coordinates: &[C], positions: &[f64]) -> C::Subject {
     let mut subject = base.clone();
     for (coordinate, &position) in coordinates.iter().zip(positions) {
@@ -37,7 +35,6 @@ pub fn subject_at<C: Coordinate>(base: &C::Subject, coordinates: &[C], positions
 }
 
 /// Sum of squares of the distances from what is likeliest beforehand, in standard deviations.
-#[must_use]
 pub(crate) fn prior_square<C: Coordinate>(coordinates: &[C], positions: &[f64]) -> f64 {
     let distance = |(coordinate, position): (&C, &f64)| Some(position - coordinate.prior_centre()?);
     coordinates.iter().zip(positions).filter_map(distance).map(|distance| distance * distance).sum()

@@ -27,14 +27,12 @@ pub struct Fit {
 
 impl Fit {
     /// Squares of residuals and priors together.
-    #[must_use]
     pub fn cost(&self) -> f64 {
         self.square + self.prior
     }
 }
 
 /// Two sets of slopes of one recording as one.
-#[must_use]
 pub fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let mut both = DMatrix::zeros(a.nrows(), a.ncols() + b.ncols());
     both.columns_mut(0, a.ncols()).copy_from(a);
@@ -74,7 +72,6 @@ fn secants(moved: &[Residuals], steps: &[f64], at: &Residuals) -> Vec<DMatrix<f6
 }
 
 /// Slopes of the residuals about a position, by every coordinate from the `first` on.
-#[must_use]
 pub fn slopes<C: Coordinate>(
     data: &impl Judge<C::Subject>,
     base: &C::Subject,
@@ -88,7 +85,6 @@ pub fn slopes<C: Coordinate>(
 }
 
 /// Residuals at a position, and their slopes by every coordinate.
-#[must_use]
 pub fn pictured<C: Coordinate>(
     data: &impl Judge<C::Subject>,
     base: &C::Subject,
@@ -145,7 +141,6 @@ pub struct Start<'a, C: Coordinate> {
 }
 
 /// Fits the coordinates from a start; see `fit_all`.
-#[must_use]
 pub fn fit<C: Coordinate>(
     data: &impl Judge<C::Subject>,
     base: &C::Subject,
@@ -165,7 +160,6 @@ pub fn fit<C: Coordinate>(
 /// Fits from several starts in step with each other, so that what they simulate fills the lanes of a register; each comes out as it would alone.
 ///
 /// Between measurements the slopes follow Broyden (1965): the least change that agrees with the step just made.
-#[must_use]
 pub(crate) fn fit_all<C: Coordinate>(data: &impl Judge<C::Subject>, starts: &[Start<'_, C>]) -> Vec<Fit> {
     let mut fits: Vec<Descent<'_, C>> = starts.iter().map(Descent::new).collect();
     loop {

@@ -27,7 +27,6 @@ const FARTHEST: f64 = 3.0;
 const DAMPING: f64 = 1e-3;
 
 /// Sizes of a profile over a range on both sides of 0: a logarithmic grid, with the ends of the range where it stops well before them.
-#[must_use]
 pub(crate) fn profile_sizes((low, high): (f64, f64)) -> Vec<f64> {
     let up_to = |bound: f64| {
         let grid = std::iter::successors(Some(SMALLEST), |size| Some(size * RATIO));
@@ -53,7 +52,6 @@ pub struct Displaced<C: Coordinate> {
 
 impl<C: Coordinate> Displaced<C> {
     /// The subject.
-    #[must_use]
     pub fn subject(&self) -> C::Subject {
         subject_at(&self.base, &self.coordinates, &self.positions)
     }
@@ -69,7 +67,6 @@ pub struct Followed {
 }
 
 /// Lets the coordinates of each subject follow along the slopes of a point by one step.
-#[must_use]
 pub fn followed<C: Coordinate>(
     data: &impl Judge<C::Subject>,
     slopes: &[DMatrix<f64>],

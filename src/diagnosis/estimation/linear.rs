@@ -17,7 +17,6 @@ pub struct Projection<'a, C> {
 
 impl<'a, C: Coordinate> Projection<'a, C> {
     /// Slopes and coordinates may be of different number: coordinates without a slope stay where they are, slopes without a coordinate are free.
-    #[must_use]
     pub fn new(coordinates: &'a [C], positions: &'a [f64], slopes: &'a [DMatrix<f64>], temperature: f64) -> Self {
         let n = slopes.first().map_or(0, DMatrix::ncols);
         let coordinates = &coordinates[..n.min(coordinates.len())];
@@ -26,7 +25,6 @@ impl<'a, C: Coordinate> Projection<'a, C> {
     }
 
     /// The least cost from these residuals on.
-    #[must_use]
     pub fn cost(&self, residuals: &Residuals) -> f64 {
         let cost = square(residuals) / self.temperature + prior_square(self.coordinates, self.positions);
         let gradient = gradient(self.coordinates, self.positions, residuals, self.slopes, self.temperature);
@@ -38,7 +36,6 @@ impl<'a, C: Coordinate> Projection<'a, C> {
 const BLOCK_ROWS: usize = 1024;
 
 /// `aᵀ b` of tall matrices, block by block: nalgebra's `tr_mul` multiplies column by column, ten times slower here.
-#[must_use]
 pub fn crossed(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let of_block = |block: usize| {
         let first = block * BLOCK_ROWS;
@@ -54,7 +51,6 @@ pub fn crossed(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
 const PANEL_COLUMNS: usize = 64;
 
 /// `aᵀ a` of a tall matrix of many columns.
-#[must_use]
 pub fn gram(a: &DMatrix<f64>) -> DMatrix<f64> {
     let of_block = |block: usize| {
         let first = block * BLOCK_ROWS;
@@ -75,7 +71,6 @@ pub fn gram(a: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// Normal matrix and gradient, priors included; slopes behind those of the coordinates have none.
-#[must_use]
 pub fn normal<C: Coordinate>(
     coordinates: &[C],
     positions: &[f64],

@@ -95,7 +95,6 @@ pub struct Distortion {
 
 impl Distortion {
     /// What stands out, where and how much.
-    #[must_use]
     pub fn words(&self) -> String {
         let place = match &self.place {
             Place::Time { recording, from_s, to_s } => format!("from {from_s:.1} to {to_s:.1} s of {recording}"),
@@ -205,7 +204,6 @@ impl Calibration {
 
 impl Shared {
     /// The strongest distortion that a fitted model leaves, its equations and laws wrong by these sizes; none where nothing can be tested.
-    #[must_use]
     pub fn distortion(
         &self,
         problem: &Problem,

@@ -38,7 +38,6 @@ pub struct Modulations {
 
 impl Modulations {
     /// Those of a problem's recordings: one for each process, then servomotor position, its speed, and time.
-    #[must_use]
     pub fn new(problem: &Problem, rows: &[usize]) -> Self {
         let processes: Vec<Process> = Process::ALL
             .into_iter()
@@ -64,13 +63,11 @@ impl Modulations {
     }
 
     /// How many columns the law errors of a model have.
-    #[must_use]
     pub fn count(&self, model: &FittedModel) -> usize {
         sizes(model).len() * self.by_recording.first().map_or(0, DMatrix::ncols)
     }
 
     /// Marks of the law errors of a model's effects in one recording, a column for each effect and modulation; `limits` are those of [`limits`].
-    #[must_use]
     pub fn marks(&self, model: &FittedModel, recording: usize, limits: &[f64]) -> DMatrix<f64> {
         let modulations = &self.by_recording[recording];
         let slopes = &model.fit.slopes[recording];
@@ -96,7 +93,6 @@ fn sizes(model: &FittedModel) -> Vec<usize> {
 
 /// Factor of each effect of a model that keeps what it does to the residuals within what the model gained over the one without effects, in cost:
 /// near a threshold the slope by the size promises far more than the effect does.
-#[must_use]
 pub fn limits(model: &FittedModel, without_effects: f64) -> Vec<f64> {
     let most = 2.0 * (without_effects - model.fit.cost()).max(0.0) + CHANCE;
     let of = |&free_parameter: &usize| {

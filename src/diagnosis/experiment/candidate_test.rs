@@ -28,7 +28,6 @@ pub struct Candidate {
 
 impl Candidate {
     /// Length, s.
-    #[must_use]
     pub fn length_s(&self) -> f64 {
         match (self.recording.frames.first(), self.recording.frames.last()) {
             (Some(first), Some(last)) => seconds_from_nanos(last.time_ns - first.time_ns),
@@ -37,14 +36,12 @@ impl Candidate {
     }
 
     /// Trips of the emergency shutdown valve.
-    #[must_use]
     pub fn trips(&self) -> u32 {
         self.script.as_ref().map_or(0, TestScript::trips)
     }
 }
 
 /// Scripts as a unit would answer them, at the rate of the recordings and, where that is slow, at the scripts' own.
-#[must_use]
 pub fn candidates(problem: &Problem, unit: &Unit, scripts: &[TestScript]) -> Vec<Candidate> {
     let period_s = problem.recordings.iter().map(|recording| recording.period_s).fold(PERIOD_S, f64::max);
     let mut periods_s = vec![PERIOD_S];

@@ -32,7 +32,6 @@ pub struct Drop {
 }
 
 /// Entropy of probabilities that sum to 1, bits.
-#[must_use]
 pub fn entropy_bits(probabilities: impl IntoIterator<Item = f64>) -> f64 {
     let positive = probabilities.into_iter().filter(|p| *p > 0.0);
     positive.map(|p| -p * p.log2()).sum::<f64>().max(0.0)
@@ -55,7 +54,6 @@ fn solved(k: DMatrix<f64>, x: &DMatrix<f64>) -> Option<(f64, DMatrix<f64>)> {
 }
 
 /// The bounds, where the hypotheses predict so and the columns have this Gram matrix; `counted` is what the logarithm of a likelihood ratio counts for.
-#[must_use]
 pub fn expected_drop(gram: &DMatrix<f64>, all: &[Predicted], counted: CountedNats) -> Drop {
     let sides: Option<Vec<Side<'_>>> = all
         .iter()

@@ -98,7 +98,6 @@ fn stroke_s(unit: &Unit) -> f64 {
 }
 
 /// The tests as a stage would answer them.
-#[must_use]
 pub fn candidates(unit: &Unit) -> Vec<Candidate> {
     let stroke_s = stroke_s(unit);
     let period_s = stroke_s / ROWS;

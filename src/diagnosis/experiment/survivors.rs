@@ -41,7 +41,6 @@ pub struct Survivor<'a> {
 ///
 /// Something unknown at a stage is the refitted sheet with a discrepancy term at the place of that stage that explains most of the recordings, in
 /// its most probable shape.
-#[must_use]
 pub fn survivors<'a>(
     found: &'a Explored,
     table: &EvidenceTable,
@@ -103,7 +102,6 @@ fn with_unknown(found: &Explored, stage: Stage) -> Option<Twin> {
 }
 
 /// A root of the covariance of a model's free parameters, sizes of effects with their prior: one deviation a column.
-#[must_use]
 pub fn deviations(model: &FittedModel) -> DMatrix<f64> {
     let n = model.free_parameters.len();
     let mut covariance = model.spread.clone();

@@ -44,7 +44,6 @@ pub struct PeriodSize {
 }
 
 /// The sizes of a unit that its recordings determine, each over the periods in which they do.
-#[must_use]
 pub fn trends<'a>(periods: impl Iterator<Item = (&'a str, &'a FoundCause)>) -> Vec<Trend> {
     let mut all: BTreeMap<String, Trend> = BTreeMap::new();
     for (period, found) in periods {
@@ -88,7 +87,6 @@ fn sum_up_one(points: &mut [PeriodSize], limit: f64) {
 }
 
 /// The limit at which so many comparisons are expected to give [`FALSE_ALARMS`], by how long the sums run until their first one ([`run_length`]).
-#[must_use]
 pub fn limit(comparisons: usize) -> f64 {
     let mut limit = LEAST_LIMIT;
     while comparisons as f64 / run_length(limit) > FALSE_ALARMS {

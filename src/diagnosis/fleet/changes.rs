@@ -45,7 +45,6 @@ pub struct Change {
 
 impl Standing {
     /// The state of a fleet.
-    #[must_use]
     pub fn of(gathered: &Gathered, date: &str) -> Self {
         let stood = |row: &Row| Stood {
             unit: row.unit.clone(),
@@ -58,7 +57,6 @@ impl Standing {
     }
 
     /// What is different now.
-    #[must_use]
     pub fn changes(&self, now: &Self) -> Vec<Change> {
         let place = |one: &Stood| (one.unit.clone(), one.period.clone());
         let before: BTreeMap<_, _> = self.rows.iter().map(|one| (place(one), one)).collect();
@@ -92,13 +90,11 @@ impl Standing {
 }
 
 /// Verdict and causes of a row, or its other state.
-#[must_use]
 pub fn word(row: &Row) -> String {
     row.found.as_ref().map_or_else(|| row.status.id().to_owned(), word_of)
 }
 
 /// Verdict and causes.
-#[must_use]
 pub fn word_of(found: &FoundCause) -> String {
     let causes: Vec<&str> = found.causes.iter().map(|cause| cause.id.as_str()).collect();
     if causes.is_empty() { found.verdict.clone() } else { format!("{} {}", found.verdict, causes.join(", ")) }

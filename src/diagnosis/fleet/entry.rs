@@ -94,7 +94,6 @@ impl Entry {
     }
 
     /// The same with its schema and key.
-    #[must_use]
     pub fn keyed(mut self, program: &str) -> Self {
         SCHEMA.clone_into(&mut self.schema);
         self.key = self.digest(program);
@@ -114,13 +113,11 @@ impl Entry {
     }
 
     /// The entry in words.
-    #[must_use]
     pub fn name(&self) -> String {
         format!("{}, {}", self.unit, self.period)
     }
 
     /// The line of a plan.
-    #[must_use]
     pub fn line(&self) -> String {
         serde_json::to_string(self).unwrap_or_default() + "\n"
     }

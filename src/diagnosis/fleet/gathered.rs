@@ -57,7 +57,6 @@ pub struct Gathered {
 
 /// Gathers results. With a plan its entries decide what counts and what is missing; without one every result of this program counts, and
 /// of several of a unit and period the one with the most recordings.
-#[must_use]
 pub fn gather(
     plan: Option<&[Entry]>,
     outcomes: Vec<EntryResult>,
@@ -133,13 +132,11 @@ fn row(
 
 impl Gathered {
     /// How many entries stand so.
-    #[must_use]
     pub fn count(&self, status: Status) -> usize {
         self.rows.iter().filter(|row| row.status == status).count()
     }
 
     /// The last period of a unit that was diagnosed.
-    #[must_use]
     pub fn last_found(&self, unit: &str) -> Option<&Row> {
         let first = self.rows.partition_point(|row| row.unit.as_str() < unit);
         self.rows[first..].iter().take_while(|row| row.unit == unit).filter(|row| row.found.is_some()).last()

@@ -27,7 +27,6 @@ pub enum Reason {
 
 impl Reason {
     /// The word in tables.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Duplicate => "duplicate",
@@ -89,7 +88,6 @@ pub struct Plan {
 }
 
 /// Makes the plan of recordings that were found in a source.
-#[must_use]
 pub fn plan(source: &str, program: &str, units: &BTreeMap<String, How>, mut found: Vec<FoundRecording>) -> Plan {
     found.sort_by(|a, b| (&a.unit, &a.bag.path).cmp(&(&b.unit, &b.bag.path)));
     let mut left_out = Vec::new();
@@ -141,7 +139,6 @@ fn content(one: &FoundRecording) -> Vec<String> {
 }
 
 /// The objects that are left out as a table.
-#[must_use]
 pub fn left_out_csv(left_out: &[LeftOut]) -> String {
     let row = |one: &LeftOut| vec![one.path.clone(), one.unit.clone(), one.reason.id().to_owned(), one.words.clone()];
     super::table::csv_text(&["path", "unit", "reason", "words"], left_out.iter().map(row))

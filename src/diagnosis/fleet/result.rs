@@ -122,7 +122,6 @@ impl SizeInterval {
     }
 
     /// Whether the recordings determine it: a value inside its bounds, a finite interval of some width, and not mostly the sheet's word.
-    #[must_use]
     pub(crate) fn is_determined(&self) -> bool {
         let (Some(value), Some(low), Some(high)) = (self.value, self.low, self.high) else { return false };
         let inside = low < high && low <= value && value <= high && (high - low).is_finite();
@@ -171,7 +170,6 @@ impl FoundCause {
     }
 
     /// What a fleet keeps of a diagnosis.
-    #[must_use]
     pub fn of(diagnosis: &Diagnosis) -> Self {
         let probability = |id: &str| {
             let one = diagnosis.ranking.iter().find(|one| one.id == id);
@@ -193,7 +191,6 @@ impl FoundCause {
     }
 
     /// Whether the causes are named and not alternatives: only then has a cause a size that the recordings determine.
-    #[must_use]
     pub(crate) fn names_causes(&self) -> bool {
         self.verdict == Verdict::Named.id()
     }
@@ -239,7 +236,6 @@ pub enum OutcomeError {
 
 impl EntryResult {
     /// The outcome of an entry, with nothing found yet.
-    #[must_use]
     pub fn of(entry: &Entry, program: &str) -> Self {
         Self {
             schema: SCHEMA.to_owned(),
@@ -269,13 +265,11 @@ impl EntryResult {
     }
 
     /// As the store holds it.
-    #[must_use]
     pub fn json(&self) -> String {
         serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
     }
 
     /// The path of the result of a key in a store.
-    #[must_use]
     pub fn path(key: &str) -> String {
         format!("results/{key}.json")
     }

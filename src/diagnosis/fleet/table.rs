@@ -60,7 +60,6 @@ impl Cell {
 pub type Line = [Cell; COLUMNS.len()];
 
 /// All lines, by unit, period, kind and name.
-#[must_use]
 pub fn lines(gathered: &Gathered) -> Vec<Line> {
     gathered.rows.iter().flat_map(|row| of_row(row, gathered)).collect()
 }
@@ -134,13 +133,11 @@ fn number(number: Option<f64>) -> Cell {
 }
 
 /// The table as CSV.
-#[must_use]
 pub fn csv(lines: &[Line]) -> String {
     csv_text(&COLUMNS, lines.iter().map(|line| line.iter().map(Cell::text).collect()))
 }
 
 /// Rows below a head as CSV, as RFC 4180 has it but for line ends.
-#[must_use]
 pub(crate) fn csv_text(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut writer = csv::Writer::from_writer(Vec::new());
     // To a vector of bytes nothing is refused, and all rows are as long as the head.
@@ -153,7 +150,6 @@ pub(crate) fn csv_text(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -
 
 impl Status {
     /// The word in the table.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Done => "done",

@@ -133,7 +133,6 @@ fn doubles(rows: &[UnitRow]) -> Vec<String> {
 }
 
 /// Whether a path lies in a folder; every path lies in the empty one.
-#[must_use]
 pub fn holds(folder: &str, path: &str) -> bool {
     folder.is_empty() || path.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))
 }

@@ -28,7 +28,6 @@ const NOT_RUN: u8 = 3;
 const NOT_TOLD: u8 = 4;
 
 /// Units by how soon they need a look; those that need none are not among them. Of the verdicts that of the last period counts.
-#[must_use]
 pub fn look_first(gathered: &Gathered) -> Vec<Look> {
     let mut all = Vec::new();
     for (unit, trends) in &gathered.trends {

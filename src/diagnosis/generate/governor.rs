@@ -60,7 +60,6 @@ pub struct Governor {
 
 impl Governor {
     /// A governor at the start of its script.
-    #[must_use]
     pub fn new(script: ProcessScript, draws: Draws) -> Self {
         let (mode, speed_pu) = if script.stands_still { (Mode::Standing, 0.0) } else { (Mode::OnGrid, 1.0) };
         Self {
@@ -75,7 +74,6 @@ impl Governor {
     }
 
     /// Whether the breaker is closed.
-    #[must_use]
     pub fn is_on_grid(&self) -> bool {
         self.mode == Mode::OnGrid
     }

@@ -54,7 +54,6 @@ pub struct Machine {
 
 impl Machine {
     /// The unit of a script with the servomotor and the tank of a sheet.
-    #[must_use]
     pub fn new(p: &Parameters, script: &ProcessScript, draws: Draws) -> Self {
         let servomotor = &p.servomotor;
         let nominal_pressure_pa = p.oil.tank_pressure_pa;

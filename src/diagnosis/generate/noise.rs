@@ -54,7 +54,6 @@ pub struct RandomStreams {
 
 impl RandomStreams {
     /// The stream of draws for a purpose.
-    #[must_use]
     pub fn of(self, purpose: Purpose) -> Draws {
         let process = match purpose {
             Purpose::Unit | Purpose::Machine => 0,
@@ -91,7 +90,6 @@ pub struct Transducer {
 
 impl Transducer {
     /// A transducer with its own stream of draws.
-    #[must_use]
     pub fn new(sensor: Sensor, draws: Draws) -> Self {
         Self { sensor, draws }
     }
@@ -113,7 +111,6 @@ pub const READINGS: u32 = 6;
 /// A transducer between the plant and its regulator, which takes the mean of so many readings; with noise for `ticks_count` ticks.
 ///
 /// The noise is drawn before the run, so that the twin that carries it can be cloned and run again.
-#[must_use]
 pub fn in_loop(point: Point, sensor: Sensor, readings: u32, mut draws: Draws, ticks_count: f64) -> Arc<dyn Term> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to what memory holds")]
     let count = ticks_count.ceil().clamp(1.0, 1e8) as usize;
@@ -124,7 +121,6 @@ pub fn in_loop(point: Point, sensor: Sensor, readings: u32, mut draws: Draws, ti
 }
 
 /// The plant of a unit whose regulator hears transducers with noise for so many seconds, which then begins anew.
-#[must_use]
 pub fn hearing(unit: &Unit, random: &RandomStreams, duration_s: f64) -> Plant {
     let mut plant = Plant::new(&unit.parameters);
     effects::apply(unit, &mut plant);

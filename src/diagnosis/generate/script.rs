@@ -48,7 +48,6 @@ const NEVER: SetPoint = SetPoint { time_s: f64::INFINITY, opening_pu: 0.0 };
 
 impl ProcessScript {
     /// Draws the course of a process over a recording of `duration_s`.
-    #[must_use]
     pub fn new(process: Process, duration_s: f64, random: &RandomStreams) -> Self {
         let mut machine = random.of(Purpose::Machine);
         let no_load_opening_pu = machine.between(0.10, 0.13);

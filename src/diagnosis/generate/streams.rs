@@ -17,7 +17,6 @@ pub struct GeneratedStreams {
 
 impl GeneratedStreams {
     /// The same, so much later, ns.
-    #[must_use]
     pub fn later(self, by_ns: i64) -> Self {
         fn later<T>(stream: Vec<(i64, T)>, by_ns: i64) -> Vec<(i64, T)> {
             stream.into_iter().map(|(stamp_ns, value)| (stamp_ns + by_ns, value)).collect()
@@ -41,7 +40,6 @@ impl GeneratedStreams {
     }
 
     /// One row for each distinct stamp; inputs hold, measured signals stand only at their own stamps.
-    #[must_use]
     pub fn rows(&self) -> Vec<Frame> {
         let mut stamps_ns: Vec<i64> = self.servo_state.iter().map(|(stamp_ns, _)| *stamp_ns).collect();
         stamps_ns.extend(self.command.iter().map(|(stamp_ns, _)| *stamp_ns));

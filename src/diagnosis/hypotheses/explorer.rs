@@ -99,7 +99,6 @@ pub(super) fn leaders(problem: &Problem) -> usize {
 }
 
 /// Whether recorded spools drive all that is judged.
-#[must_use]
 pub fn is_stage_alone(problem: &Problem) -> bool {
     problem.recordings.iter().all(|recording| recording.cut == Cut::Spool)
 }

@@ -69,7 +69,6 @@ pub struct Linearisation {
 
 impl Linearisation {
     /// Simulates all places of the profiles about a model, and projects; `kappa` is the size of the error of equations in moderate discrepancy terms.
-    #[must_use]
     pub fn new(
         problem: &Problem,
         model: &FittedModel,
@@ -147,7 +146,6 @@ impl Linearisation {
     }
 
     /// How alike the marks of two effects are, sign and range considered: the largest cosine between marks that both may have, 0 to 1.
-    #[must_use]
     pub fn likeness(&self, a: usize, b: usize) -> f64 {
         let of = |effect: usize| {
             let is_it = move |atom: &Atom| matches!(atom, Atom::Sized { effect: other, .. } if *other == effect);
@@ -166,7 +164,6 @@ impl Linearisation {
     }
 
     /// The best way of every set of up to `most` further effects, likeliest first; with or without one or two of the point's own taken away.
-    #[must_use]
     pub fn proposals(&self, most: usize) -> Vec<Proposal> {
         let sized: Vec<usize> =
             (0..self.atoms.len()).filter(|&k| matches!(self.atoms[k], Atom::Sized { .. })).collect();

@@ -53,7 +53,6 @@ pub struct ProfilePlace {
 /// could be detected; and the model without each of its own effects.
 ///
 /// The refitted sheet costs `without_effects`.
-#[must_use]
 pub fn profiles(
     problem: &Problem,
     model: &FittedModel,
@@ -115,7 +114,6 @@ fn closer(model: &FittedModel, catalogue: &[&'static EffectSpec], profile: &[Pro
 }
 
 /// The same sizes on top of another model without effects, whose free parameters stay where they are.
-#[must_use]
 pub fn moved_to(model: &FittedModel, catalogue: &[&'static EffectSpec], places: &[ProfilePlace]) -> Vec<ProfilePlace> {
     let sized = places.iter().filter_map(|place| match place.atom {
         Atom::Sized { effect, variant } => added(model, catalogue, effect, variant),
@@ -125,7 +123,6 @@ pub fn moved_to(model: &FittedModel, catalogue: &[&'static EffectSpec], places: 
 }
 
 /// The best fit from the places on top of a sheet that promise most, and its cost: enough to see what a unit is like, not what it costs to the last.
-#[must_use]
 pub fn fitted_best(problem: &Problem, sheet: &FittedModel, places: &[ProfilePlace]) -> Option<(f64, Unit)> {
     let mut best: Vec<&ProfilePlace> = places.iter().filter(|place| place.promised.is_finite()).collect();
     best.sort_by(|a, b| a.promised.total_cmp(&b.promised));

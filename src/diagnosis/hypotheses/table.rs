@@ -69,7 +69,6 @@ pub struct EvidenceTable {
 
 impl EvidenceTable {
     /// The same as one recording less would have it.
-    #[must_use]
     pub fn without(&self, recording: usize) -> Self {
         let mut table = self.clone();
         table.samples -= self.samples_of_each.get(recording).copied().unwrap_or(0.0);
@@ -98,7 +97,6 @@ impl EvidenceTable {
     }
 
     /// The table of what was explored.
-    #[must_use]
     pub fn new(problem: &Problem, explored: &Explored, catalogue: &[&'static EffectSpec]) -> Self {
         let row = |hypothesis: &Hypothesis| {
             let model = &hypothesis.model;

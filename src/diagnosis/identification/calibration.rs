@@ -91,7 +91,6 @@ pub struct Calibration {
 }
 
 /// Fits the free parameters from so many of the best sizes of their profiles, and from a usual size; `step` is called as each part of the work ends, [`PARTS`] times in all.
-#[must_use]
 pub fn calibrate(
     recordings: Vec<PreparedRecording>,
     base: &Unit,

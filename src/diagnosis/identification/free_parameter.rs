@@ -39,7 +39,6 @@ pub enum FreeParameter {
 
 impl FreeParameter {
     /// A free parameter for each parameter that the unit's sheet gives a tolerance for.
-    #[must_use]
     pub fn nuisances(unit: &Unit) -> Vec<Self> {
         (0..ENTRIES.len())
             .filter_map(|index| unit.tolerances[index].map(|tolerance| Self::Parameter { index, tolerance }))
@@ -47,7 +46,6 @@ impl FreeParameter {
     }
 
     /// A free parameter for a parameter that the sheet is not believed in: searched over its physical range, without a prior.
-    #[must_use]
     pub fn free(unit: &Unit, index: usize) -> Self {
         let entry = &ENTRIES[index];
         let usual = if (entry.get)(&unit.parameters) > 0.0 && entry.min >= 0.0 {
@@ -59,13 +57,11 @@ impl FreeParameter {
     }
 
     /// True where the sheet's tolerance speaks for positions near 0.
-    #[must_use]
     pub fn has_prior(&self) -> bool {
         matches!(self, Self::Parameter { .. })
     }
 
     /// Place in [`ENTRIES`] of a parameter of the sheet; none of an effect's.
-    #[must_use]
     pub fn entry(&self) -> Option<usize> {
         match *self {
             Self::Parameter { index, .. } | Self::Free { index, .. } => Some(index),
@@ -74,7 +70,6 @@ impl FreeParameter {
     }
 
     /// The key in parameter files, and the unit.
-    #[must_use]
     pub fn key(&self, unit: &Unit) -> (String, &'static str) {
         match *self {
             Self::Parameter { index, .. } | Self::Free { index, .. } => {
@@ -85,7 +80,6 @@ impl FreeParameter {
     }
 
     /// Where a fit starts: off the sheet where the sheet's value is a bound at which nothing can be felt.
-    #[must_use]
     pub fn start(&self, unit: &Unit) -> f64 {
         match self {
             Self::Parameter { .. } if self.range(unit).0 == 0.0 => 0.5,
@@ -94,7 +88,6 @@ impl FreeParameter {
     }
 
     /// The value at a position, in the parameter's unit.
-    #[must_use]
     pub fn value(&self, unit: &Unit, position: f64) -> f64 {
         match *self {
             Self::Parameter { index, tolerance } | Self::Free { index, step: tolerance } => {
@@ -112,7 +105,6 @@ impl FreeParameter {
     }
 
     /// Where the free parameter stands in the unit that it belongs to.
-    #[must_use]
     pub fn position(&self, unit: &Unit) -> f64 {
         match *self {
             Self::Parameter { .. } | Self::Free { .. } => 0.0,
@@ -121,7 +113,6 @@ impl FreeParameter {
     }
 
     /// The position at which the parameter has a value, in its unit; the value need not be within its range.
-    #[must_use]
     pub fn position_at(&self, unit: &Unit, value: f64) -> f64 {
         match *self {
             Self::Parameter { index, tolerance } | Self::Free { index, step: tolerance } => {
@@ -138,7 +129,6 @@ impl FreeParameter {
     }
 
     /// The positions between which a parameter of an effect makes physical sense on a unit.
-    #[must_use]
     pub fn range_of(spec: &EffectParameter, unit: &Unit) -> (f64, f64) {
         let spec = spec.on(&unit.parameters);
         let [a, b] = [spec.min, spec.max].map(|bound| (bound - spec.neutral) / (spec.typical - spec.neutral));

@@ -25,7 +25,6 @@ pub struct Consistency {
 }
 
 /// Of each signal that was measured, for a model that has its residuals.
-#[must_use]
 pub fn consistency(problem: &Problem, model: &FittedModel) -> Vec<Consistency> {
     let of = |signal: Signal| {
         let innovations: Vec<Vec<f64>> = (model.fit.residuals.iter().enumerate())

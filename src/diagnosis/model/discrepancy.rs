@@ -77,7 +77,6 @@ fn speed(view: &View<'_>) -> f64 {
 
 impl DiscrepancyPoint {
     /// How many shapes a term has here.
-    #[must_use]
     pub fn shapes(&self) -> usize {
         if self.point == Point::EsvOpening { TRIP_TIMES_S.len() } else { SHAPES.len() }
     }
@@ -121,7 +120,6 @@ pub struct Columns {
 
 impl Columns {
     /// Products of residuals with all marks.
-    #[must_use]
     pub fn along(&self, residuals: &Residuals) -> DVector<f64> {
         let products = self.marks.iter().zip(residuals).map(|(marks, residuals)| marks.tr_mul(residuals));
         products.reduce(|a, b| a + b).unwrap_or_else(|| DVector::zeros(0))
@@ -137,7 +135,6 @@ pub fn places() -> impl Iterator<Item = &'static DiscrepancyPoint> {
 }
 
 /// Simulates a small term of every shape at every place on top of a model.
-#[must_use]
 pub fn columns(problem: &Problem, model: &FittedModel) -> Columns {
     let unit = model.unit();
     let twins: Vec<Twin> = PLACES
@@ -159,7 +156,6 @@ pub fn columns(problem: &Problem, model: &FittedModel) -> Columns {
 }
 
 /// A twin of a unit with a term of every shape at one place; `sizes` are those of all columns, in moderate terms.
-#[must_use]
 pub fn twin_with(unit: &Unit, place: &DiscrepancyPoint, sizes: &[f64]) -> Twin {
     let mut plant = Plant::new(&unit.parameters);
     effects::apply(unit, &mut plant);
@@ -196,7 +192,6 @@ pub struct Curve {
 }
 
 /// The shape of a place's term against position, speed, spool and time, from the sizes of all columns in moderate terms.
-#[must_use]
 pub fn curves(place: &DiscrepancyPoint, sizes: &[f64]) -> Vec<Curve> {
     let first: usize = PLACES.iter().take_while(|other| other.point != place.point).map(DiscrepancyPoint::shapes).sum();
     let size = |shape: usize| sizes.get(first + shape).copied().unwrap_or(0.0) * place.scale;

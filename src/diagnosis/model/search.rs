@@ -33,7 +33,6 @@ const SCATTER: f64 = 1.0;
 /// Refits the model of the sheet; the noise is laid out anew along the refitted trajectory.
 ///
 /// Returns the problem, the refitted model, and the same model unfitted.
-#[must_use]
 pub fn nominal(
     recordings: Vec<PreparedRecording>,
     unit: &Unit,
@@ -79,7 +78,6 @@ pub fn nominal(
 }
 
 /// The same on a problem whose noise was laid out anew, from where the refitted model stands.
-#[must_use]
 pub fn renewed(problem: Problem, refitted: &FittedModel) -> (Problem, FittedModel, FittedModel) {
     let FittedModel { base, free_parameters, .. } = refitted;
     let fine = fit(&problem, base, free_parameters, &refitted.fit.positions, Effort::FULL, None);

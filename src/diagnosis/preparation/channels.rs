@@ -18,7 +18,6 @@ fn samples(recording: &Recording, signal: Signal) -> Vec<(f64, f64)> {
 }
 
 /// The channels of all recordings.
-#[must_use]
 pub fn survey(recordings: &[Recording]) -> Vec<ChannelReport> {
     recordings
         .iter()

@@ -61,7 +61,6 @@ pub struct Blame {
 
 impl Blame {
     /// An effect of whose size nothing is known, nor of its share of the gap.
-    #[must_use]
     pub fn unsized_effect(spec: &EffectSpec, probability: f64) -> Self {
         Self {
             id: spec.id.to_owned(),

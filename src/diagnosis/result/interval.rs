@@ -46,13 +46,11 @@ impl Default for Interval {
 
 impl Interval {
     /// Whether it has both ends.
-    #[must_use]
     pub fn is_bounded(self) -> bool {
         self.low.is_finite() && self.high.is_finite()
     }
 
     /// Of a share: whether it leaves everything open, from nothing to the whole.
-    #[must_use]
     pub fn leaves_all_open(self) -> bool {
         self.low <= 0.0 && self.high >= 1.0
     }

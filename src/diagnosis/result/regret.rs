@@ -20,7 +20,6 @@ pub struct Regret {
 
 impl Regret {
     /// χ² found less χ² reached, as a share of the latter; below 0 where the search found better.
-    #[must_use]
     pub fn share(&self) -> f64 {
         self.found / self.reached - 1.0
     }

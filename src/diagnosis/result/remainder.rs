@@ -31,7 +31,6 @@ pub struct Remainder {
 
 impl Remainder {
     /// Whether something else is likelier at work than not.
-    #[must_use]
     pub fn says_something_else(&self) -> bool {
         self.something_else > 0.5
     }

@@ -235,7 +235,6 @@ pub enum ReportError {
 
 impl DiagnosisReport {
     /// A report that holds a verdict and nothing else.
-    #[must_use]
     pub fn of_verdict(verdict: Verdict) -> Self {
         Self {
             schema: SCHEMA.to_owned(),
@@ -257,7 +256,6 @@ impl DiagnosisReport {
     }
 
     /// The report of a diagnosis that took `seconds`, without curves.
-    #[must_use]
     pub fn of(diagnosis: &Diagnosis, seconds: f64) -> Self {
         let Diagnosis { stages, blamed, ranking, gap, explained_fraction, experiments, part, .. } = diagnosis.clone();
         let [refitted, likeliest] = diagnosis.consistency.clone();
@@ -323,7 +321,6 @@ impl DiagnosisReport {
     }
 
     /// The same as JSON, keys in the order of the alphabet.
-    #[must_use]
     pub fn json(&self) -> Value {
         serde_json::to_value(self).unwrap_or_default()
     }

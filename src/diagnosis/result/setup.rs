@@ -22,7 +22,6 @@ impl Setup {
     pub const ALL: [Self; 4] = [Self::Chain, Self::AssumedSheet, Self::Stage, Self::StageFree];
 
     /// The same, or the stage alone where no recording holds the command that a chain needs.
-    #[must_use]
     pub fn for_recordings(self, recordings: &[Recording]) -> Self {
         match self {
             Self::Chain | Self::AssumedSheet if !recordings.iter().any(Recording::has_command) => Self::Stage,
@@ -31,7 +30,6 @@ impl Setup {
     }
 
     /// By what the unit is judged: the word in reports.
-    #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Chain | Self::Stage => "data_sheet",
@@ -41,7 +39,6 @@ impl Setup {
     }
 
     /// What the sheet is called in sentences.
-    #[must_use]
     pub fn sheet_title(self) -> &'static str {
         match self {
             Self::AssumedSheet => "assumed sheet",

@@ -52,7 +52,6 @@ pub struct SheetLimits {
 
 impl SheetLimits {
     /// The value to look up next.
-    #[must_use]
     pub fn next(&self) -> Option<&SheetValue> {
         let key = self.look_up.as_ref()?;
         self.values.iter().find(|value| value.key == *key)

@@ -90,7 +90,6 @@ fn percent(share: f64) -> String {
 
 impl TestScript {
     /// Number of trips of the emergency shutdown valve.
-    #[must_use]
     pub fn trips(&self) -> u32 {
         u32::from(matches!(self.shape, CommandShape::Trip { .. }))
     }
@@ -101,7 +100,6 @@ impl TestScript {
     }
 
     /// The opening command at a time in s, pu.
-    #[must_use]
     pub fn command_pu(&self, time_s: f64) -> f64 {
         let since_s = time_s - DWELL_S;
         if since_s < 0.0 {
@@ -133,7 +131,6 @@ impl TestScript {
     }
 
     /// The emergency shutdown valve at a time in s.
-    #[must_use]
     pub fn esv(&self, time_s: f64) -> EsvState {
         if self.trips() > 0 && time_s >= self.acts_s() { EsvState::Shutdown } else { EsvState::Normal }
     }
@@ -151,7 +148,6 @@ impl TestScript {
     }
 
     /// The rows that the script sends, from a start at time 0; nothing is measured but where the unit stands at first.
-    #[must_use]
     pub fn frames(&self, tank_pressure_pa: f64) -> Vec<Frame> {
         let period_ns = nanos_from_seconds(PERIOD_S);
         let end_ns = nanos_from_seconds(self.length_s);
@@ -173,7 +169,6 @@ impl TestScript {
     }
 
     /// What is done, in words.
-    #[must_use]
     pub fn words(&self) -> String {
         let start = percent(self.start_pu);
         match self.shape {
@@ -211,7 +206,6 @@ impl TestScript {
     }
 
     /// The state that the unit must be in, and what to bring it to first.
-    #[must_use]
     pub fn unit_state(&self) -> String {
         let start = percent(self.start_pu);
         let state = if self.trips() > 0 {

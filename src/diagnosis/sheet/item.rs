@@ -75,7 +75,6 @@ items! {
 }
 
 /// The item of a key.
-#[must_use]
 pub fn item(key: &str) -> Option<&'static PlateItem> {
     ITEMS.iter().find(|item| item.key == key)
 }

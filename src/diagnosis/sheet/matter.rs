@@ -75,7 +75,6 @@ impl Matter {
 }
 
 /// Finds what matters of a unit derived from a plate; `seed` decides the generated recordings.
-#[must_use]
 pub fn matter(unit: &Unit, plate: &Plate, seed: u64, on_progress: &dyn Fn()) -> Matter {
     let of = |process: Process| {
         let scenario =

@@ -112,7 +112,6 @@ fn read(item: &PlateItem, node: &Node, source: &str) -> Result<GivenValue, Strin
 }
 
 /// A plate file to fill in: every item with its meaning and an example, commented out.
-#[must_use]
 pub fn plate_template() -> String {
     let mut lines = vec![
         "# What stands on the name plate and in the manual. Take away the # before what you know; the examples are the reference unit's.".to_owned(),

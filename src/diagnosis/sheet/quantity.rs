@@ -42,7 +42,6 @@ pub struct QuantityError {
 
 impl Dimension {
     /// Its units with their size in SI units, the SI unit first.
-    #[must_use]
     pub fn units(self) -> &'static [(&'static str, f64)] {
         match self {
             Self::Length => &[("m", 1.0), ("mm", 1e-3), ("cm", 1e-2), ("um", 1e-6), ("in", 0.0254)],
@@ -70,7 +69,6 @@ impl Dimension {
     }
 
     /// The SI unit.
-    #[must_use]
     pub fn unit(self) -> &'static str {
         self.units().first().map_or("1", |(name, _)| name)
     }

@@ -39,7 +39,6 @@ const DIVISIONS: [Division; 6] = [
 ];
 
 /// The breakdowns of both positions; estimates by recording of the refitted twin and of the twin with the effects.
-#[must_use]
 pub fn breakdowns(problem: &Problem, refitted: &[Vec<Estimate>], with_effects: &[Vec<Estimate>]) -> Vec<Breakdown> {
     let mut all = Vec::new();
     let stage_only = is_stage_alone(problem);
@@ -91,7 +90,6 @@ fn slope(recording: &PreparedRecording, k: usize) -> f64 {
 }
 
 /// RMS errors of every signal that was measured.
-#[must_use]
 pub fn gaps(
     problem: &Problem,
     delivered: &[Vec<Estimate>],

@@ -10,7 +10,6 @@ use crate::result::DiscrepancyTerm;
 const UNKNOWN: (f64, f64) = (4.0, 0.03);
 
 /// What something unknown would be like at each place, best first; beside it what it would be like if the unit were the improved twin.
-#[must_use]
 pub fn discrepancy_terms(problem: &Problem, explored: &Explored, chosen: &FittedModel) -> Vec<DiscrepancyTerm> {
     let Some(empty) = explored.hypotheses.iter().find(|one| one.effects.is_empty()) else { return Vec::new() };
     let gap = empty.model.fit.cost() - problem.expected_cost();

@@ -53,13 +53,11 @@ pub(crate) struct ExplainedFractions<'a> {
 
 impl<'a> ExplainedFractions<'a> {
     /// Of models that stand beside this one.
-    #[must_use]
     pub(crate) fn new(problem: &'a Problem, refitted: &FittedModel, seed: u64) -> Self {
         Self { problem, refitted: expected_twins(problem, refitted, seed), seed }
     }
 
     /// That of a model.
-    #[must_use]
     pub(crate) fn of(&self, model: &FittedModel) -> Interval {
         let with_effects = expected_twins(self.problem, model, self.seed);
         explained_fraction_of(self.problem, &self.refitted, &with_effects, 0..self.problem.recordings.len(), self.seed)
@@ -131,7 +129,6 @@ pub struct Refitted {
 }
 
 /// Leaves out each recording in turn and refits on the others; a single recording is judged by its own fit.
-#[must_use]
 pub(crate) fn without_recordings(problem: &Problem, model: &FittedModel) -> Refitted {
     let count = problem.recordings.len();
     let of = |left| {
@@ -233,7 +230,6 @@ fn ratio(sums: Sums) -> f64 {
 /// Recordings are drawn with replacement, since nobody knows which processes come next, and blocks within them; blocks are drawn again from those,
 /// since the other day is a draw as this one was (Efron & Tibshirani 1993, *An Introduction to the Bootstrap*, chapter 25). The noise is drawn too: no floor
 /// is known better than to what a right model may leave. Days on which no gap shows have no fraction.
-#[must_use]
 pub(crate) fn explained_fraction_of(
     problem: &Problem,
     refitted: &[Estimates],
@@ -253,7 +249,6 @@ fn allowance(problem: &Problem) -> f64 {
 }
 
 /// Explained fraction as it came true, of twins that were fitted to other recordings; none where there is no gap.
-#[must_use]
 pub fn realised_fraction(problem: &Problem, refitted: &Estimates, with_effects: &Estimates) -> Option<f64> {
     let all = sum(blocks(problem, refitted, with_effects).iter().flatten());
     shows_gap(all, allowance(problem)).then(|| ratio(all))

@@ -18,7 +18,6 @@ const STRETCH_S: f64 = 2.0;
 const LEAST_GAIN: f64 = 5.0;
 
 /// What a model leaves that explains such a share, with the probability of something else; `estimates` are its own, by recording.
-#[must_use]
 pub fn remainder(
     problem: &Problem,
     explored: &Explored,

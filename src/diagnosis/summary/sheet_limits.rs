@@ -27,7 +27,6 @@ const NAMED: usize = 3;
 type MeanUnderSet = (f64, f64, f64);
 
 /// How much the sheet limits the verdict.
-#[must_use]
 pub fn sheet_limits(
     explored: &Explored,
     (table, posterior): (&EvidenceTable, &Posterior),

@@ -29,7 +29,6 @@ const ROUNDS: usize = 3;
 ///
 /// A servomotor integrates whatever zero error the fed spool has, a thousandth of its travel over a recording to some hundredths of
 /// stroke, which says nothing of the ports: one zero error for all recordings is taken off first.
-#[must_use]
 pub fn tests(problem: &Problem, refitted: &Unit) -> Vec<StageTest> {
     TESTS
         .into_iter()

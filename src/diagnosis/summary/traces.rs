@@ -5,7 +5,6 @@ use crate::result::Trace;
 use govtwin_model::frame::Estimate;
 
 /// One trace for each recording: measured, delivered, refitted, with effects.
-#[must_use]
 pub fn traces(problem: &Problem, twins: [&[Vec<Estimate>]; 3]) -> Vec<Trace> {
     problem
         .recordings

@@ -106,7 +106,6 @@ impl Default for Cutter {
 
 impl Cutter {
     /// Cuts rows whose positions are no pu, but cover so much of their own unit over the stroke.
-    #[must_use]
     pub(crate) fn of_stroke(stroke: f64) -> Self {
         Self { rows: VecDeque::new(), anchor: None, moving: false, stroke }
     }
@@ -158,7 +157,6 @@ impl Cutter {
     }
 
     /// Whether a process has begun and not ended.
-    #[must_use]
     pub fn is_moving(&self) -> bool {
         self.moving
     }

@@ -101,7 +101,6 @@ pub struct Excerpts {
 impl Excerpts {
     /// Takes recordings whose positions cover so much of their own unit over the stroke, 1 for pu. Where that is not known, what is long is looked
     /// through for its [`stroke`](Self::stroke), and nothing is cut out.
-    #[must_use]
     pub fn new(stroke: Option<f64>) -> Self {
         Self {
             stroke,
@@ -120,13 +119,11 @@ impl Excerpts {
     }
 
     /// The same, whole up to [`MOST_ROWS`] however long it lasted.
-    #[must_use]
     pub fn by_rows(self) -> Self {
         Self { by_rows: true, ..self }
     }
 
     /// Takes these processes alone, by their place among those that were found before.
-    #[must_use]
     pub fn of(stroke: Option<f64>, chosen: BTreeSet<usize>) -> Self {
         Self { keep: Keep::Chosen(chosen), ..Self::new(stroke) }
     }
@@ -159,7 +156,6 @@ impl Excerpts {
     }
 
     /// Rows that are held, but for those of the process that goes on.
-    #[must_use]
     pub fn held(&self) -> usize {
         self.whole.len() + self.kept_rows
     }
@@ -182,37 +178,31 @@ impl Excerpts {
     }
 
     /// Whether it is longer than what is taken whole.
-    #[must_use]
     pub fn is_long(&self) -> bool {
         self.is_long
     }
 
     /// From first to last row, s.
-    #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.span_ns.map_or(0.0, |(from_ns, to_ns)| seconds_from_nanos(to_ns - from_ns))
     }
 
     /// How far the position moved altogether; nothing if it rested or was not measured.
-    #[must_use]
     pub fn stroke(&self) -> Option<f64> {
         self.positions.map(|(low, high)| high - low).filter(|stroke| *stroke > 0.0)
     }
 
     /// All processes of a long recording.
-    #[must_use]
     pub fn found(&self) -> &[FoundProcess] {
         &self.found
     }
 
     /// The rows of a short recording.
-    #[must_use]
     pub fn into_whole(self, name: &str) -> Recording {
         Recording::new(name, self.whole)
     }
 
     /// The processes of a long recording that were kept and are chosen, each named by its place; none where they have to be read again.
-    #[must_use]
     pub fn into_chosen(self, name: &str, chosen: &BTreeSet<usize>) -> Option<Vec<Recording>> {
         let kept = self.kept.into_iter().filter(|(place, _)| chosen.contains(place));
         let named = kept.map(|(place, recording)| Recording { name: format!("{name}#{}", place + 1), ..recording });
@@ -254,7 +244,6 @@ impl Excerpts {
 /// Each kind in turn gets one more of its processes, as long as there is room: what distinguishes faults differs between kinds, and a second
 /// process of a kind adds less than the first of another. Of a kind the processes are parted evenly in the order of time, and of each part the one that moved most is
 /// kept: a long movement shows most, and what drifts shows over the whole time. The result depends on nothing but what was found.
-#[must_use]
 pub fn choose(found: &[Vec<FoundProcess>], room: usize) -> Vec<BTreeSet<usize>> {
     let all: Vec<(usize, usize, &FoundProcess)> = found
         .iter()

@@ -124,7 +124,6 @@ pub fn write(entries: &[ProcessEntry]) -> Result<String, serde_json::Error> {
 }
 
 /// The sizes that a diagnosis shows: of what it names, and of effects in `followed`, whose history goes on where they were fitted alone.
-#[must_use]
 pub fn sizes(diagnosis: &Diagnosis, followed: &[String]) -> Vec<ProcessSize> {
     let of = |effect: &str, fitted: &Fitted, named: bool| ProcessSize {
         effect: effect.to_owned(),
@@ -153,7 +152,6 @@ pub fn sizes(diagnosis: &Diagnosis, followed: &[String]) -> Vec<ProcessSize> {
 }
 
 /// Effects that any entry names.
-#[must_use]
 pub fn followed(entries: &[ProcessEntry]) -> Vec<String> {
     let mut ids: Vec<String> = vec![];
     for size in entries.iter().flat_map(|entry| &entry.sizes).filter(|size| size.named) {
@@ -165,7 +163,6 @@ pub fn followed(entries: &[ProcessEntry]) -> Vec<String> {
 }
 
 /// The course of every size, each process compared with those of its kind, with so many processes between two false alarms of each.
-#[must_use]
 pub fn courses(entries: &[ProcessEntry], between_false_alarms: f64) -> Vec<Course> {
     let mut order: Vec<usize> = (0..entries.len()).collect();
     order.sort_by_key(|&i| entries[i].time_ns);
@@ -199,7 +196,6 @@ pub fn courses(entries: &[ProcessEntry], between_false_alarms: f64) -> Vec<Cours
 }
 
 /// The origins of the processes that bags and folders state, each once.
-#[must_use]
 pub fn origins(entries: &[ProcessEntry]) -> Vec<&str> {
     provenance::origins(entries.iter().map(|entry| (entry.synthetic, entry.origin.as_deref())))
 }
@@ -211,7 +207,6 @@ fn group(process: &str) -> usize {
 
 impl Course {
     /// The kind of process of an estimate, as a word of the history.
-    #[must_use]
     pub fn kind(&self, k: usize) -> &'static str {
         Process::ALL.get(self.estimates[k].group).map_or("process", |kind| kind.id())
     }
@@ -222,13 +217,11 @@ impl Course {
     }
 
     /// The size by words: the fault and, without its unit, the parameter.
-    #[must_use]
     pub fn title(&self) -> String {
         size_words(&self.effect, &self.parameter, &self.unit)
     }
 
     /// The warning that it has moved; none if it has not.
-    #[must_use]
     pub fn warning(&self) -> Option<String> {
         let (point, last) = (self.points.last()?, self.estimates.last()?);
         let since = point.since.filter(|_| point.alarm)?;

@@ -35,13 +35,11 @@ impl Range {
     }
 
     /// Least and greatest value, in the signal's unit.
-    #[must_use]
     pub fn ends(&self) -> [f64; 2] {
         [self.least, self.most]
     }
 
     /// Greatest less least, in the signal's unit; 0 where there is none.
-    #[must_use]
     pub fn span(&self) -> f64 {
         if self.count == 0 { 0.0 } else { self.most - self.least }
     }

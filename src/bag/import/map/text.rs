@@ -6,7 +6,6 @@ use govtwin_model::params::number_text;
 use govtwin_model::params::yaml::quoted;
 
 /// The text of a map; `reason` gives each signal a comment, empty for none.
-#[must_use]
 pub fn map_text(map: &Map, head: &[String], reason: impl Fn(&SignalMap) -> String) -> String {
     let mut lines: Vec<String> = head.iter().map(|line| format!("# {line}")).collect();
     for (key, value) in [("name", &map.name), ("source", &map.source)] {

@@ -26,7 +26,6 @@ pub struct Bucket {
 
 impl Bucket {
     /// Their mean.
-    #[must_use]
     pub fn mean(&self) -> f64 {
         self.sum / self.count
     }
@@ -104,7 +103,6 @@ impl Envelope {
     }
 
     /// The width of a bucket, ns.
-    #[must_use]
     pub fn width_ns(&self) -> i64 {
         self.width_ns
     }
@@ -205,7 +203,6 @@ impl SuggestedColumn {
     }
 
     /// Whether it is the current of transmitters of 4 to 20 mA: hardly a value between 0 and the faults below 3.6, so that those below and above say that one is broken.
-    #[must_use]
     pub fn is_live_zero(&self) -> bool {
         let to_ma = match plain(&self.unit).as_str() {
             "ma" => 1.0,
@@ -218,20 +215,17 @@ impl SuggestedColumn {
     }
 
     /// Two states or fewer, as numbers or as words.
-    #[must_use]
     pub fn is_binary(&self) -> bool {
         let words = self.range.count == 0 && (1..=3).contains(&self.words.len()) && self.texts > 0;
         words || (self.texts == 0 && (1..=2).contains(&self.distinct.len()))
     }
 
     /// The states of a switch: words, or the numbers 0 and 1. Other two numbers may be a step.
-    #[must_use]
     pub fn is_switch(&self) -> bool {
         self.is_binary() && self.distinct.iter().all(|value| [0.0, 1.0].contains(value))
     }
 
     /// Holds numbers that are not all the same.
-    #[must_use]
     pub fn moves(&self) -> bool {
         self.range.span() > 0.0
     }

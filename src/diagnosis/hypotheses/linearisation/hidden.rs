@@ -41,13 +41,11 @@ impl Linearisation {
     }
 
     /// Smallest size of an effect that would stand out by this gain in cost, in typical sizes; infinite where none would.
-    #[must_use]
     pub fn minimum_detectable_size(&self, effect: usize, gain: f64) -> f64 {
         self.nearest(effect, gain).map_or(f64::INFINITY, |(_, size)| size)
     }
 
     /// By how much an effect would show sharper, at the size that stands out by this gain, were a free parameter known: a ratio, 1 or more.
-    #[must_use]
     pub fn sharper_ratio(&self, effect: usize, gain: f64, free_parameter: usize) -> f64 {
         let Some((k, _)) = self.nearest(effect, gain) else { return 1.0 };
         let variance = self.variances[free_parameter];
@@ -58,7 +56,6 @@ impl Linearisation {
     }
 
     /// The same were all free parameters known.
-    #[must_use]
     pub fn sharpest_ratio(&self, effect: usize, gain: f64) -> f64 {
         self.nearest(effect, gain).map_or(1.0, |(k, _)| (self.at_best[k] / self.gram[(k, k)]).max(1.0).sqrt())
     }

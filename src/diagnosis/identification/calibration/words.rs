@@ -12,7 +12,6 @@ impl CalibrationRow {
 
 impl Calibration {
     /// What the recordings could and could not tell, in sentences.
-    #[must_use]
     pub fn identifiability(&self) -> Vec<String> {
         let keys = |of: &dyn Fn(&CalibrationRow) -> bool| {
             let keys: Vec<String> =
@@ -52,7 +51,6 @@ impl Calibration {
     }
 
     /// What the user should know before using the fit, in sentences.
-    #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut words = Vec::new();
         for row in self.rows.iter().filter(|row| row.at_bound && row.learned > 0.05) {
