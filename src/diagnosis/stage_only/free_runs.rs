@@ -136,16 +136,17 @@ impl Compared {
         Some(PlainLaw { law: *law, numbers, is_better })
     }
 
-    /// Whether a plain model that sums up what drives it predicts most of the movement, and better than all that settle.
+    /// Whether a plain model that sums up what drives it predicts most of the movement, and better than all that settle within a run.
     pub(crate) fn sums_up(&self) -> bool {
         let least = |settles: bool| {
             let plain = self.models.iter().filter(|model| {
-                PlainKind::titled(&model.model).is_some_and(|kind| model.is_plain && kind.settles() == settles)
+                let kind = PlainKind::titled(&model.model).filter(|kind| model.is_plain && kind.settles() == settles);
+                kind.is_some() && self.settles_in_time(model)
             });
-            plain.map(|model| model.held_out).min_by(f64::total_cmp)
+            plain.map(|model| model.held_out).fold(f64::INFINITY, f64::min)
         };
         let most = SUMS_UP.sqrt() * self.moved_pu;
-        least(false).zip(least(true)).is_some_and(|(sum, settled)| sum < settled && sum < most)
+        least(false) < least(true).min(most)
     }
 
     /// Whether a model settles within a run: one that would only long after it is a sum with a leak, and its set point means nothing.
