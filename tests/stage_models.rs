@@ -175,7 +175,8 @@ fn stage_models_are_the_same_in_any_unit_sign_and_clock() {
             let part = |said: &Diagnosis| said.part.clone().unwrap();
             assert!(near(part(&said).free_run_s, slower * part(&plain).free_run_s, 1e-3), "{how}");
             assert_eq!(part(&said).plain_wins, part(&plain).plain_wins, "{how}");
-            for wanted in models(&plain).iter().filter(|one| one.is_plain) {
+            // What misses most of the movement, as a sum does in a loop, has numbers that nothing determines.
+            for wanted in models(&plain).iter().filter(|one| one.is_plain && one.held_out < 0.2) {
                 let found = model(&said, &wanted.model);
                 assert_eq!(found.pieces.len(), wanted.pieces.len(), "{how}");
                 assert!(near(found.held_out, wanted.held_out, 0.03), "{}: {how}", wanted.model);

@@ -290,10 +290,9 @@ fn the_crane_thirty_times_as_slow_keeps_its_verdict() {
     assert_eq!(said.verdict, Verdict::Class, "{}", shown(&said));
 }
 
-/// Open: from somewhere between twenty and fifty times as fast on the crane is called unknown, and the same errors are left.
 #[test]
-#[ignore = "does not hold yet; needs ../shared/bags/real/crane.mcap"]
-fn a_crane_a_hundred_times_as_fast_keeps_its_verdict() {
+#[ignore = "needs ../shared/bags/real/crane.mcap"]
+fn the_crane_a_hundred_times_as_fast_keeps_its_verdict() {
     let said = freely(vec![slower(&crane(), 0.01)]);
     assert!(matches!(said.verdict, Verdict::Named | Verdict::Class), "{}", shown(&said));
 }

@@ -2,6 +2,8 @@
 import math
 import random
 
+import stage_rigs as rigs
+
 # Seconds for a full travel at the fastest: a servo-hydraulic axis, a press, a gate.
 TRAVELS_S = (0.05, 5.0, 300.0)
 ROWS = 2400
@@ -40,6 +42,11 @@ class Valve:
             most = self.row / 0.1
             self.now += max(-most, min(most, self.goal - self.now))
         return self.now
+
+
+def constant(lag, step):
+    """Time constant of what settles by `step / lag` of its way in each step."""
+    return -step / math.log(1 - step / lag)
 
 
 def dead(u, half):
@@ -110,11 +117,11 @@ def stage(rng, law):
     if law not in ("two-level valve",):
         truth |= {"spool_zero": 0.0, "dead_band": 2 * half, "rises_from": half, "falls_from": -half}
     if law == "valve lag":
-        truth["lag_s"] = lag
+        truth["lag_s"] = constant(lag, row / STEPS)
     elif law == "second-order valve":
         truth["lag_s"] = 2 * damping / omega
     elif law == "two-level valve":
-        truth["lag_s"] = delay
+        truth["lag_s"] = len(late) * row / STEPS
     return rows, truth
 
 
@@ -132,6 +139,7 @@ def loop(rng, law):
     band = rng.uniform(0.01, 0.03) if law == "loop with dead band" else 0.0
     gain = rng.choice([1.0, rng.uniform(0.9, 1.1)]) if law != "PI loop" else 1.0
     lag = rng.uniform(0.03, 0.08) if law == "PI loop" else 0.0
+    winds_up = law == "PI loop" and rng.random() < 0.5
     command, goal, slope, until = 0.5, 0.5, 0.0, 0.0
     kind = rng.choice(["steps", "ramps"])
     x = at = 0.5
@@ -155,14 +163,16 @@ def loop(rng, law):
             error = gain * asked - x
             u = dead(error, band) * kp + ki * total
             limited = max(-down, min(up, u))
-            if u == limited:
+            if winds_up or u == limited:
                 total += h * error
             spool = limited if lag == 0 else spool + h * (limited - spool) / lag
             x += h * spool
             at = max(min(at, x + play), x - play)
     truth = {"gain": gain, "level": 0.0}
     if law in ("position loop", "loop with backlash"):
-        truth |= {"lag": 1 / kp, "delay": delay, "rate limit, rising": up, "rate limit, falling": down}
+        truth |= {"lag": constant(1 / kp, row / STEPS), "delay": len(late) * row / STEPS, "rate limit, rising": up, "rate limit, falling": down}
+    if ki:
+        truth["integral time"] = kp / ki
     if play:
         truth["backlash or dead band, full width"] = 2 * play
     if band:
@@ -179,15 +189,22 @@ def apart(rng, law):
 
 STAGES = ["dead zone", "end stops", "two gains", "saturation", "valve lag", "second-order valve", "two-level valve", "load on position", "backlash"]
 LOOPS = ["position loop", "PI loop", "loop with backlash", "loop with dead band"]
-LAWS = STAGES + LOOPS + ["not of one unit"]
+PLAIN = STAGES + LOOPS + ["not of one unit"]
+RIGS = [*rigs.LOOPS, *rigs.STAGES]
+STAGES, LOOPS = STAGES + [*rigs.STAGES], LOOPS + [*rigs.LOOPS]
 
 
-def made(place, seed):
-    """The plant at a place: law, time of a travel, columns as exported, and truth in their units."""
+def rig(rng, law):
+    """An axis as a machine or test rig has it."""
+    return rigs.axis(rng, law, lambda rng, row: Valve(rng, row, False, (0.25, 0.75)), ROWS, STEPS)
+
+
+def made(place, seed, laws):
+    """The plant of some laws at a place: law, time of a travel, columns as exported, and truth in their units."""
     rng = random.Random(seed * 1_000_003 + place)
-    law = LAWS[place % len(LAWS)]
-    travel_s = TRAVELS_S[place // len(LAWS) % len(TRAVELS_S)]
-    maker = stage if law in STAGES else loop if law in LOOPS else apart
+    law = laws[place % len(laws)]
+    travel_s = TRAVELS_S[place // len(laws) % len(TRAVELS_S)]
+    maker = rig if law in RIGS else stage if law in STAGES else loop if law in LOOPS else apart
     rows, truth = maker(rng, law)
     # Units of drive and position: name, scale, zero, resolution.
     drive = rng.choice([("V", 10.0, 0.0, 0.005), ("mA", 8.0, 12.0, 0.004), ("%", 100.0, 0.0, 0.05), ("V", -5.0, 0.13, 0.0025), ("counts", 13824.0, 0.0, 1.0)])
@@ -213,7 +230,7 @@ def made(place, seed):
         elif name in ("rising_speed", "falling_speed"):
             key = name if ps > 0 else {"rising_speed": "falling_speed", "falling_speed": "rising_speed"}[name]
             out[key] = value * ps / travel_s
-        elif name in ("lag_s", "lag", "delay"):
+        elif name in ("lag_s", "lag", "delay", "integral time"):
             out[name] = value * travel_s
         elif name.startswith("rate limit"):
             key = name if ps > 0 else {"rate limit, rising": "rate limit, falling", "rate limit, falling": "rate limit, rising"}[name]

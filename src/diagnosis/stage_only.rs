@@ -11,6 +11,7 @@ use crate::model::FittedModel;
 use crate::preparation::{Preparation, StageAlone};
 use crate::result::{Setup, StageOnly, Verdict};
 use crate::stage_alone::competing_laws::Follows;
+use crate::stage_alone::plain_models::PlainKind;
 use crate::stage_only::free_runs::Compared;
 use crate::stage_only::stage_figures::{sheetless_figures, stage_figures};
 use crate::summary::explained_fraction::without_recordings;
@@ -100,16 +101,20 @@ fn only_predicting(compared: &Compared, mut decision: Decision) -> (Decision, Ve
     (decision, said)
 }
 
-/// The decision without a name that is less probable than not: what is left of a class may be; says so.
+/// The decision without a name, or a class of them, that is less probable than not: what is left of a class may be; says so.
 fn only_probable(decision: Decision) -> (Decision, Option<String>) {
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
-    match (decision.verdict, decision.blamed.as_slice()) {
-        (Verdict::Named, [only]) if probability(only) < LEAST_PROBABLE => {
-            let said = format!("Not named: {}, as its probability is {:.2}.", id_words(only), probability(only));
-            (decision.forced(Verdict::Unknown), Some(said))
-        }
-        _ => (decision, None),
+    let together: f64 = match (decision.verdict, decision.blamed.as_slice()) {
+        (Verdict::Named, [only]) => probability(only),
+        (Verdict::Class, all) => all.iter().map(|id| probability(id)).sum(),
+        _ => return (decision, None),
+    };
+    if together >= LEAST_PROBABLE {
+        return (decision, None);
     }
+    let names: Vec<String> = decision.blamed.iter().map(|id| id_words(id)).collect();
+    let said = format!("Not named: {}, as the probability is {together:.2}.", names.join(" or "));
+    (decision.forced(Verdict::Unknown), Some(said))
 }
 
 /// That the recordings are of no such stage, in a sentence, where another law predicts them better, in free runs as well.
@@ -308,7 +313,8 @@ pub(crate) fn describe(
     let model = claimed.unwrap_or_else(|| found.refitted());
     let plain_as_good = compared.as_good(&model.ids().join(" + ")).map(|plain| plain.model.clone());
     // Figures of a law that was just refused would be believed.
-    let refused = foreign.is_some() || compared.settles();
+    let is_settled = plain_as_good.as_deref().and_then(PlainKind::titled).is_some_and(PlainKind::settles);
+    let refused = foreign.is_some() || compared.settles() || is_settled;
     let figures = || {
         if ready.setup != Setup::StageFree {
             return stage_figures(model, &stage.law, &ready.recordings);

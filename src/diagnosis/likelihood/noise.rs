@@ -35,7 +35,7 @@ const SHARP_TIME_S: f64 = 0.01;
 /// Without it a pressure that rises by 1 MPa in 50 ms costs more for a millisecond than most effects for all that they do, and the
 /// cost jumps to and fro between parameters that nothing else tells apart.
 fn sharpness(recording: &PreparedRecording, signal: Signal, reference: &[Estimate]) -> Vec<f64> {
-    let share = SHARP * (SHARP_TIME_S / recording.period_s.max(1e-6)).min(1.0);
+    let share = SHARP * (SHARP_TIME_S / recording.unit_period_s().max(1e-6)).min(1.0);
     let mut bends = vec![0.0_f64; reference.len()];
     for (k, three) in reference.windows(3).enumerate() {
         let [before, here, after] = [0, 1, 2].map(|i| signal.of(&three[i].signals));

@@ -32,6 +32,8 @@ pub struct PreparedRecording {
     pub samples: Vec<usize>,
     /// Typical time between samples, s.
     pub period_s: f64,
+    /// Seconds of the unit for each second recorded, of a stage on a clock of its own.
+    pub clock_ratio: f64,
     /// Whether each of [`Signal::ALL`] was measured at all.
     pub has: [bool; Signal::ALL.len()],
     /// How far the command may stray from a straight line between samples, pu, at each sample.
@@ -79,6 +81,7 @@ impl PreparedRecording {
             seams,
             samples,
             period_s,
+            clock_ratio: 1.0,
             has,
             command_doubt_pu,
             command_jitter_pu,
@@ -109,6 +112,11 @@ impl PreparedRecording {
         recording.command_jitter_pu = 0.0;
         recording.cut = Cut::Spool;
         recording
+    }
+
+    /// The same by the clock of the unit, which what a model leaves out goes by.
+    pub(crate) fn unit_period_s(&self) -> f64 {
+        self.period_s * self.clock_ratio
     }
 
     /// Whether its samples are so far apart that nobody knows what drives the unit between them.

@@ -325,7 +325,7 @@ impl Problem {
     /// Independent samples per sample of a recording.
     #[must_use]
     pub fn share(&self, recording: usize) -> f64 {
-        independent_share(self.recordings[recording].period_s)
+        independent_share(self.recordings[recording].unit_period_s())
     }
 
     /// Residuals of several units in all recordings, in parallel, in order.

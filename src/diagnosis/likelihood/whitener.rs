@@ -123,7 +123,8 @@ impl Whitener {
         let seen = look.noise_squares.iter().zip(&look.measured).filter(|(_, measured)| measured.is_finite());
         let seen: Vec<f64> = seen.map(|(square, _)| *square).collect();
         let floor_square = seen.iter().sum::<f64>() / seen.len().max(1) as f64;
-        Self { decay, gain, scale, kicked, share: independent_share(recording.period_s), limit_cycles, floor_square }
+        let share = independent_share(recording.unit_period_s());
+        Self { decay, gain, scale, kicked, share, limit_cycles, floor_square }
     }
 
     /// Twice the logarithm of the standard deviation, over all samples, raised as the likelihood is.

@@ -66,7 +66,7 @@ fn best(runs: &[Run], law: &Plain, travel_s: f64) -> Option<(Follows, [f64; 3])>
 
     let sum = least(&mut Lag::tried(length_s).map(|lag| missed(&SpoolLaw { lag, settles_s: None, shapes: &line })))?;
     let level =
-        |settles_s: Option<f64>| missed(&SpoolLaw { lag: Lag::Dead(0.0), settles_s, shapes: &|_, _| vec![1.0] });
+        |settles_s: Option<f64>| missed(&SpoolLaw { lag: Lag::default(), settles_s, shapes: &|_, _| vec![1.0] });
     let nothing = least(&mut [Some(moved), level(None), level(Some(0.0))].into_iter())?;
     let settled = SETTLES.into_iter().filter_map(|share| {
         let settles_s = share * travel_s;

@@ -39,12 +39,14 @@ pub(crate) struct BetweenStops {
 ///
 /// A position that settles rests wherever it is sent, and so it does not sum up the spool between its ends either. One that does is held by stops there.
 pub(crate) fn between_stops(recordings: &[Recording]) -> Option<BetweenStops> {
-    let mut law = plain(&Run::of_pieces(pieces(recordings, PIECES)))?;
-    let (follows, left) = told_apart(recordings, &law)?;
-    let without = BetweenStops { law, follows, left, stopped: None };
-    let mut all = Vec::new();
+    let whole = plain(&Run::of_pieces(pieces(recordings, PIECES)))?;
+    let (follows, left) = told_apart(recordings, &whole)?;
+    let without = BetweenStops { law: whole, follows, left, stopped: None };
+    // Where a stage often rests at its stops, the law of all rows is none of its: the first one is of what lies between the ends.
+    let mut all = rests(recordings, None);
+    let mut law = plain(&Run::of_pieces(between(recordings, &all))).unwrap_or(whole);
     for _ in 0..ROUNDS {
-        all = rests(recordings, &law);
+        all = rests(recordings, Some(&law));
         if all.iter().all(Vec::is_empty) {
             return Some(without);
         }
@@ -62,8 +64,8 @@ pub(crate) fn between_stops(recordings: &[Recording]) -> Option<BetweenStops> {
     })
 }
 
-/// The rows of each recording in which a stop holds the servomotor, rest by rest.
-fn rests(recordings: &[Recording], law: &Plain) -> Vec<Vec<RangeInclusive<usize>>> {
+/// The rows of each recording in which a stop holds the servomotor, rest by rest; without a law all that it stays at an end.
+fn rests(recordings: &[Recording], law: Option<&Plain>) -> Vec<Vec<RangeInclusive<usize>>> {
     let position = |frame: &Frame| Signal::ServomotorPosition.of(&frame.measured);
     let positions = recordings.iter().flat_map(|one| one.frames.iter().map(position)).filter(|y| y.is_finite());
     let mut positions: Vec<f64> = positions.collect();
@@ -78,12 +80,15 @@ fn rests(recordings: &[Recording], law: &Plain) -> Vec<Vec<RangeInclusive<usize>
         let samples: Vec<usize> = (0..frames.len()).filter(|&row| position(&frames[row]).is_finite()).collect();
         let held_at = |end: f64, way: f64| {
             let is_held = |row: usize| {
-                let drives = way * law.speed(frames[row].measured.spool_position_pu) > 0.0;
+                let drives = law.is_none_or(|law| way * law.speed(frames[row].measured.spool_position_pu) > 0.0);
                 drives && way * (end - position(&frames[row])) <= near
             };
             let step_s = |pair: &[usize]| seconds_from_nanos(frames[pair[1]].time_ns - frames[pair[0]].time_ns);
-            let goes = |pair: &[usize]| way * law.speed(frames[pair[0]].measured.spool_position_pu) * step_s(pair);
-            let driven_on = |rest: &&[usize]| rest.windows(2).map(goes).sum::<f64>() > DRIVEN_ON * (high - low);
+            let driven_on = |rest: &&[usize]| {
+                let Some(law) = law else { return rest.len() > FEWEST };
+                let goes = |pair: &[usize]| way * law.speed(frames[pair[0]].measured.spool_position_pu) * step_s(pair);
+                rest.windows(2).map(goes).sum::<f64>() > DRIVEN_ON * (high - low)
+            };
             let rests = samples.chunk_by(|&a, &b| is_held(a) && is_held(b)).filter(driven_on);
             let settled = rests.filter_map(|rest| settled(rest, |row| way * position(&frames[row])));
             settled.collect::<Vec<_>>()

@@ -102,7 +102,7 @@ fn white<'a>(channels: impl Iterator<Item = &'a [f64]> + Clone, travel: f64) -> 
 }
 
 /// Time between samples, s.
-fn period_s(runs: &[Run]) -> f64 {
+pub(crate) fn period_s(runs: &[Run]) -> f64 {
     let mut periods: Vec<f64> = runs.iter().flat_map(|run| run.time_s.windows(2).map(|two| two[1] - two[0])).collect();
     periods.sort_by(f64::total_cmp);
     periods.get(periods.len() / 2).copied().unwrap_or(0.1)

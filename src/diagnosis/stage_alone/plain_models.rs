@@ -17,6 +17,12 @@ const TITLES: [(&str, PlainKind); 6] = [
 /// What the time constant of a lag is called.
 pub(crate) const LAG: &str = "lag";
 
+/// What a dead time is called.
+pub(crate) const DELAY: &str = "delay";
+
+/// What the integral action of a loop's regulator is told by: its proportional gain over its integral one.
+const INTEGRAL: &str = "integral time";
+
 /// What the play of a loop is called: one that stops short of where it is sent by half of a width tells no more.
 const PLAY: &str = "backlash or dead band, full width";
 
@@ -33,7 +39,7 @@ pub(crate) enum PlainKind {
     PlainLaw,
     /// The position settles to a line over what drives it.
     Lag,
-    /// The same with a delay, a rate limit each way, and play or a dead band.
+    /// The same with a delay, a rate limit each way, integral action, and play or a dead band.
     SetPoint,
 }
 
@@ -92,11 +98,11 @@ impl PlainKind {
 fn integrator(runs: &[Run]) -> Option<Plain> {
     let middle = mean_spool(runs);
     let shapes = |drive: f64, _: f64| vec![drive - middle, 1.0];
-    let law = SpoolLaw { lag: Lag::Dead(0.0), settles_s: None, shapes: &shapes };
+    let law = SpoolLaw { lag: Lag::default(), settles_s: None, shapes: &shapes };
     let best = solved(law.normals(runs).iter())?;
     let zero = middle - best[1] / best[0];
     zero.is_finite().then_some(Plain {
-        lag: Lag::Dead(0.0),
+        lag: Lag::default(),
         zero,
         half_band: 0.0,
         saturates: f64::INFINITY,
@@ -131,8 +137,12 @@ impl PlainModel {
                     all.push(of("dead band, full width", 2.0 * half_band, in_drive.clone()));
                 }
                 if kind == PlainKind::PlainLaw {
-                    let name = if matches!(lag, Lag::Dead(_)) { "delay" } else { LAG };
-                    all.push(of(name, lag.time_s(), seconds()));
+                    if lag.has_delay() {
+                        all.push(of(DELAY, lag.delay_s, seconds()));
+                    }
+                    if lag.constant_s > 0.0 {
+                        all.push(of(LAG, lag.constant_s, seconds()));
+                    }
                     if saturates.is_finite() {
                         all.push(of("saturates beyond the dead band by", saturates, in_drive));
                     }
@@ -146,7 +156,10 @@ impl PlainModel {
                     of(LAG, law.lag_s, seconds()),
                 ];
                 if kind == PlainKind::SetPoint {
-                    all.push(of("delay", law.delay_s, seconds()));
+                    all.push(of(DELAY, law.delay_s, seconds()));
+                    if law.integral_s.is_finite() {
+                        all.push(of(INTEGRAL, law.integral_s, seconds()));
+                    }
                     if law.half_play > 0.0 {
                         all.push(of(PLAY, 2.0 * law.half_play, "of the position".to_owned()));
                     }

@@ -3,9 +3,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::acceptance::statistics::student_90;
+use crate::stage_alone::flexible::period_s;
 use crate::stage_alone::plain::Plain;
-use crate::stage_alone::plain_models::{PlainKind, PlainModel};
-use crate::stage_alone::run::{Run, travel, typical_s};
+use crate::stage_alone::plain_models::{DELAY, PlainKind, PlainModel};
+use crate::stage_alone::run::{Lag, Run, travel, typical_s};
 use crate::stage_alone::set_point::SetPoint;
 use crate::stage_alone::spread::{PieceSlopes, spread, with_common};
 
@@ -21,6 +22,8 @@ pub(crate) struct PlainNumbers {
     spread: DMatrix<f64>,
     /// Half-width of an interval of nine in ten, standard deviations.
     wide: f64,
+    /// Time between rows, s.
+    row_s: f64,
 }
 
 impl PlainNumbers {
@@ -41,7 +44,8 @@ impl PlainNumbers {
                     all.push(positive(law.half_band, drive));
                 }
                 if kind == PlainKind::PlainLaw {
-                    all.push(positive(law.lag.time_s(), length_s));
+                    all.extend(law.lag.has_delay().then(|| positive(law.lag.delay_s, length_s)));
+                    all.extend((law.lag.constant_s > 0.0).then(|| positive(law.lag.constant_s, length_s)));
                     // What is not there is not turned.
                     all.extend(law.saturates.is_finite().then(|| positive(law.saturates, drive)));
                 }
@@ -57,6 +61,7 @@ impl PlainNumbers {
                     all.extend(
                         (law.half_play > 0.0).then(|| positive(law.half_play, opening.min(law.half_play / STEP * 0.5))),
                     );
+                    all.extend(law.integral_s.is_finite().then(|| free(law.integral_s, law.integral_s)));
                 }
                 all
             }
@@ -67,7 +72,16 @@ impl PlainNumbers {
             runs.iter().map(|run| PieceSlopes::of(run, &numbers, &ends, simulated)).collect();
         let hessian = pieces.iter().map(|piece| piece.slopes.tr_mul(&piece.slopes)).sum();
         let spread = with_common(spread(&hessian, &pieces)?, pieces.len());
-        Some(Self { model, numbers, ends, spread, wide: student_90(runs.len() as f64 - 1.0) })
+        let wide = student_90(runs.len() as f64 - 1.0);
+        Some(Self { model, numbers, ends, spread, wide, row_s: period_s(runs) })
+    }
+
+    /// Half-widths of the intervals of the model's parameters; when what drives it changed is known to half a row either way.
+    pub(crate) fn of_parameters(&self, drive: &str) -> Vec<f64> {
+        let all = self.model.parameters(drive);
+        let halves = self.half_widths(|model| model.parameters(drive).into_iter().map(|(_, value, _)| value).collect());
+        let widened = halves.into_iter().zip(all);
+        widened.map(|(half, (name, ..))| if name == DELAY { half + 0.5 * self.row_s } else { half }).collect()
     }
 
     /// Half-widths of the 90 % intervals of what follows from the model.
@@ -95,27 +109,27 @@ impl PlainNumbers {
 fn turned(model: PlainModel, numbers: &[f64]) -> PlainModel {
     match model {
         PlainModel::Sum(kind, law) => {
-            let above_1_s = numbers[1];
-            PlainModel::Sum(
-                kind,
-                Plain {
-                    zero: numbers[0],
-                    above_1_s,
-                    below_1_s: numbers.get(2).copied().unwrap_or(above_1_s),
-                    half_band: numbers.get(3).copied().unwrap_or(law.half_band),
-                    lag: numbers.get(4).map_or(law.lag, |time_s| law.lag.with_time(*time_s)),
-                    saturates: numbers.get(5).copied().unwrap_or(law.saturates),
-                },
-            )
+            let mut further = numbers[1..].iter().copied();
+            let mut next = |own: f64, acts: bool| if acts { further.next().unwrap_or(own) } else { own };
+            let above_1_s = next(law.above_1_s, true);
+            let below_1_s = next(above_1_s, kind != PlainKind::Integrator);
+            let half_band = next(law.half_band, true);
+            let delay_s = next(law.lag.delay_s, law.lag.has_delay());
+            let lag = Lag { delay_s, constant_s: next(law.lag.constant_s, law.lag.constant_s > 0.0) };
+            let saturates = next(law.saturates, law.saturates.is_finite());
+            PlainModel::Sum(kind, Plain { lag, zero: numbers[0], half_band, saturates, above_1_s, below_1_s })
         }
         PlainModel::SetPoint(kind, law) => {
             let mut further = numbers[3..].iter().copied();
             let delay_s = further.next().unwrap_or(law.delay_s);
-            let mut limit = |own: f64| if own.is_finite() { further.next().unwrap_or(own) } else { own };
-            let (rising_limit, falling_limit) = (limit(law.rising_limit), limit(law.falling_limit));
-            let half_play = further.next().unwrap_or(law.half_play);
+            let mut next = |own: f64, acts: bool| if acts { further.next().unwrap_or(own) } else { own };
+            let [rising_limit, falling_limit] =
+                [law.rising_limit, law.falling_limit].map(|limit| next(limit, limit.is_finite()));
+            let half_play = next(law.half_play, law.half_play > 0.0);
+            let integral_s = next(law.integral_s, law.integral_s.is_finite());
             let [gain, level, lag_s] = [numbers[0], numbers[1], numbers[2]];
-            let law = SetPoint { gain, level, delay_s, lag_s, rising_limit, falling_limit, half_play };
+            let law =
+                SetPoint { gain, level, delay_s, lag_s, rising_limit, falling_limit, half_play, integral_s, ..law };
             PlainModel::SetPoint(kind, law)
         }
     }

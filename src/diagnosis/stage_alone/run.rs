@@ -20,37 +20,43 @@ const RIDGE: f64 = 1e-9;
 /// How much of what drove it before a free run is looked at, as a share of the run's length: several times any lag that is usual in it.
 pub(crate) const LEAD: f64 = 0.5;
 
-/// How what the spool does comes late.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Lag {
-    /// As it is, but later, s.
-    Dead(f64),
-    /// Settling with this time constant, s.
-    Settling(f64),
+/// How what the spool does comes late: as it is but later, and then settling to that.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lag {
+    /// Dead time, s.
+    pub delay_s: f64,
+    /// Time constant, s.
+    pub constant_s: f64,
 }
 
 impl Lag {
+    /// Later, and nothing else, s.
+    #[must_use]
+    pub fn dead(delay_s: f64) -> Self {
+        Self { delay_s, constant_s: 0.0 }
+    }
+
+    /// Settling at once, s.
+    #[must_use]
+    pub fn settling(constant_s: f64) -> Self {
+        Self { delay_s: 0.0, constant_s }
+    }
+
     /// No lag, and the lags that are tried in runs of a length, s.
     pub fn tried(length_s: f64) -> impl Iterator<Item = Self> {
         let lags = move |kind: fn(f64) -> Self| LAG_SHARES.into_iter().map(move |share| kind(share * length_s));
-        lags(Self::Dead).chain(lags(Self::Settling).skip(1))
+        lags(Self::dead).chain(lags(Self::settling).skip(1))
     }
 
-    /// Its time, s.
+    /// Whether it has a dead time, if only of 0 where it has nothing else.
+    pub(crate) fn has_delay(self) -> bool {
+        self.delay_s > 0.0 || self.constant_s <= 0.0
+    }
+
+    /// By how much it comes late in the end, s.
     #[must_use]
     pub fn time_s(self) -> f64 {
-        match self {
-            Self::Dead(time_s) | Self::Settling(time_s) => time_s,
-        }
-    }
-
-    /// The same kind with another time, not below 0, s.
-    #[must_use]
-    pub(crate) fn with_time(self, time_s: f64) -> Self {
-        match self {
-            Self::Dead(_) => Self::Dead(time_s.max(0.0)),
-            Self::Settling(_) => Self::Settling(time_s.max(0.0)),
-        }
+        self.delay_s + self.constant_s
     }
 }
 
@@ -118,11 +124,12 @@ impl Run {
     /// The spool as it acts at each sample, behind a lag; straight between samples, and as at the beginning before it.
     #[must_use]
     pub(crate) fn lagged(&self, lag: Lag) -> Vec<f64> {
-        match lag {
-            Lag::Dead(time_s) if time_s > 0.0 => self.earlier(time_s),
-            Lag::Settling(time_s) if time_s > 0.0 => self.settled(time_s),
-            Lag::Dead(_) | Lag::Settling(_) => self.spool.clone(),
+        let mut driven = self.driven();
+        settle(&mut driven, lag.constant_s);
+        if lag.delay_s > 0.0 {
+            return self.earlier(&driven, lag.delay_s);
         }
+        driven[self.before.len()..].iter().map(|(_, spool)| *spool).collect()
     }
 
     /// Time and spool from before the beginning to the end.
@@ -131,9 +138,8 @@ impl Run {
         self.before.iter().copied().chain(own).collect()
     }
 
-    /// The spool a while ago.
-    fn earlier(&self, lag_s: f64) -> Vec<f64> {
-        let driven = self.driven();
+    /// What drove it a while ago.
+    fn earlier(&self, driven: &[(f64, f64)], lag_s: f64) -> Vec<f64> {
         let mut next = 0;
         let at = |time_s: &f64| {
             let time_s = time_s - lag_s;
@@ -148,19 +154,6 @@ impl Run {
             from + (time_s - from_s) / (to_s - from_s) * (to - from)
         };
         self.time_s.iter().map(at).collect()
-    }
-
-    /// What settles to the spool, exact where that runs straight between samples.
-    fn settled(&self, constant_s: f64) -> Vec<f64> {
-        let driven = self.driven();
-        let mut at = driven[0].1;
-        let mut all = vec![at];
-        for pair in driven.windows(2) {
-            let [(from_s, from), (to_s, to)] = [pair[0], pair[1]];
-            at = settled(at, [from, to], to_s - from_s, constant_s);
-            all.push(at);
-        }
-        all.split_off(self.before.len())
     }
 
     /// Free runs of a length, one behind another, each from its own measured start, without what is left over at the end, s.
@@ -201,6 +194,19 @@ impl Run {
 
 fn is_whole(both: [f64; 2]) -> bool {
     both.iter().all(|value| value.is_finite())
+}
+
+/// Puts what settles to values in their place, exact where they run straight between samples.
+fn settle(driven: &mut [(f64, f64)], constant_s: f64) {
+    if constant_s <= 0.0 {
+        return;
+    }
+    let (mut from_s, mut from) = driven[0];
+    let mut at = from;
+    for (to_s, value) in &mut driven[1..] {
+        at = settled(at, [from, *value], *to_s - from_s, constant_s);
+        (from_s, from) = (*to_s, std::mem::replace(value, at));
+    }
 }
 
 /// Where a first-order lag stands after a step of time over which its goal runs straight from one value to another.
@@ -372,7 +378,16 @@ mod tests {
     fn a_lag_that_rounds_away_is_none() {
         let run =
             Run { time_s: vec![0.0, 0.5, 60.0], spool: vec![0.0, 0.2, 0.7], opening: vec![0.0; 3], ..Run::default() };
-        assert_eq!(run.lagged(Lag::Dead(1e-18)), run.spool);
-        assert_eq!(run.lagged(Lag::Dead(0.5)), [0.0, 0.0, 0.2 + 0.5 * 59.0 / 59.5]);
+        assert_eq!(run.lagged(Lag::dead(1e-18)), run.spool);
+        assert_eq!(run.lagged(Lag::dead(0.5)), [0.0, 0.0, 0.2 + 0.5 * 59.0 / 59.5]);
+    }
+
+    #[test]
+    fn a_dead_time_before_a_lag_is_the_lag_later() {
+        let time_s: Vec<f64> = (0..40).map(|k| 0.1 * f64::from(k)).collect();
+        let run =
+            Run { spool: time_s.iter().map(|t| t.sin()).collect(), opening: time_s.clone(), time_s, ..Run::default() };
+        let [late, both] = [Lag::settling(0.4), Lag { delay_s: 0.3, constant_s: 0.4 }].map(|lag| run.lagged(lag));
+        assert!(late.iter().zip(&both[3..]).all(|(late, both)| (late - both).abs() < 1e-9), "{late:?} {both:?}");
     }
 }

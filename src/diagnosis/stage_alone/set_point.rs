@@ -1,22 +1,23 @@
 //! A set point with lag: the law of a position loop that is known by its command and its position alone.
 //!
-//! `dX/dt = (K u(t − d) + c − X) / T`, no faster than a limit each way: gain, level, delay, lag and rate limits (a first-order lag plus dead time: Åström &
-//! Hägglund 2006, *Advanced PID Control*, section 2.6). The position follows X behind play, and stops short of where X goes by half of it (the backlash
+//! `dX/dt = (e + I) / T`, `e = K u(t − d) + c − X`, no faster than a limit each way: gain, level, delay, lag and rate limits (a first-order lag plus dead time:
+//! Åström & Hägglund 2006, *Advanced PID Control*, section 2.6). `dI/dt = e / Tᵢ` is the integral action of a PI regulator, which stands still at a limit
+//! unless it winds up (section 3.5 there). The position follows X behind play, and stops short of where X goes by half of it (the backlash
 //! operator: Tao & Kokotović 1996, *Adaptive Control of Systems with Actuator and Sensor Nonlinearities*, chapter 2); a dead band of the loop does the same.
 //! Gain and level are linear at a delay and a lag; from the best of a grid, and from slower limits with a shorter lag, all are fitted together to free runs.
 
 mod coordinates;
 mod motion;
+mod parts;
 
 use nalgebra::DVector;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-use self::coordinates::{Axis, LAG_RANGE, MOST_PLAY};
+use self::coordinates::{Axis, LAG_RANGE, Part};
 use self::motion::stretches;
 use crate::estimation::coordinate::{Judge, Residuals, square, subject_at};
 use crate::estimation::fit::{Effort, Start, fit_all};
-use crate::stage_alone::run::{Lag, Run, SpoolLaw, mean_spool, solved, travel, typical_s};
-use crate::stage_alone::spread::is_gain;
+use crate::stage_alone::run::{Lag, Run, SpoolLaw, mean_spool, solved, typical_s};
 
 /// Samples that the fit looks at, of all runs together.
 const LOOKED_AT: usize = 20_000;
@@ -29,10 +30,10 @@ const SPEED_OVER: f64 = 0.02;
 const USUAL_SPEED: f64 = 0.95;
 /// Where limits begin, over the usual speed, each with the lag over that of the law without limits.
 const STARTS: [(f64, f64); 4] = [(f64::INFINITY, 1.0), (1.0, 0.3), (0.7, 0.3), (1.0, 1.0)];
-/// Halves of the play that a fit may begin from, as shares of the position's travel.
-const PLAYS: [f64; 5] = [0.005, 0.01, 0.02, 0.04, 0.08];
 /// A part that makes the error no smaller than this is not there.
 const LEAST_WORTH: f64 = 1e-3;
+/// The same of a rate limit, which noise at the greatest speeds may look like.
+const LEAST_WORTH_OF_LIMITS: f64 = 1e-2;
 /// Enough for the least error.
 const EFFORT: Effort = Effort { rounds: 40, refresh: 1, ..Effort::FULL };
 
@@ -53,6 +54,10 @@ pub(crate) struct SetPoint {
     pub falling_limit: f64,
     /// Half of the play or dead band, in the position's unit.
     pub half_play: f64,
+    /// Integral time, s; infinite without integral action.
+    pub integral_s: f64,
+    /// Whether the integral goes on at a rate limit.
+    pub winds_up: bool,
 }
 
 impl SetPoint {
@@ -64,16 +69,29 @@ impl SetPoint {
         // A loop at rest has gone as near to its goal as its play allows.
         let acting = run.before.iter().rev().find(|(time_s, _)| *time_s <= -self.delay_s).or(run.before.first());
         let acting = acting.filter(|_| self.delay_s > 0.0).map_or(run.spool[0], |(_, command)| *command);
-        let mut drive = goal(acting).clamp(at - self.half_play, at + self.half_play);
+        let mut integral = self.integral_before(run);
+        let mut drive = (goal(acting) + integral).clamp(at - self.half_play, at + self.half_play);
         let mut all = vec![at];
-        stretches(run, self.delay_s, |stretch| {
-            drive = self.driven(drive, stretch.ends.map(goal), stretch.length_s);
+        let first = run.before.len() + 1;
+        stretches(run, self.delay_s, first..first + run.time_s.len() - 1, |stretch| {
+            [drive, integral] = self.regulated([drive, integral], stretch.ends.map(goal), stretch.length_s);
             at = at.max(drive - self.half_play).min(drive + self.half_play);
             if stretch.is_last {
                 all.push(at);
             }
         });
         all
+    }
+
+    /// The integral at the beginning of a run, from what the command did before it: a loop at rest has none.
+    fn integral_before(&self, run: &Run) -> f64 {
+        let goal = |command: f64| self.gain * command + self.level;
+        let Some((_, command)) = run.before.first().filter(|_| self.integral_s.is_finite()) else { return 0.0 };
+        let mut state = [goal(*command), 0.0];
+        stretches(run, self.delay_s, 1..run.before.len() + 1, |stretch| {
+            state = self.regulated(state, stretch.ends.map(goal), stretch.length_s);
+        });
+        state[1]
     }
 
     /// Fits the law with delay, rate limits and play, or as a first-order lag without; none where the command stands still.
@@ -105,31 +123,8 @@ impl SetPoint {
         // With limits far less may be left, of which a sample's worth is less.
         let data = FreeRuns { runs: &runs, size: size_of(&best).max(f64::MIN_POSITIVE) };
         let best = data.fitted(&[best], &axes)?;
-        let best = if with_limits { best.with_play(&data, &axes) } else { best };
-        Some(best.without_idle(&data))
-    }
-
-    /// The same with play, where that pays for itself between pieces: fitted to every second run, it must predict the others better.
-    fn with_play(self, data: &FreeRuns<'_>, axes: &[Axis]) -> Self {
-        let travel = travel(data.runs, |run| &run.opening);
-        let starts = PLAYS.map(|share| Self { half_play: share * travel, ..self });
-        let squares = starts.iter().map(|start| square(&data.of(start)));
-        let Some((_, start)) = squares.zip(starts).min_by(|a, b| a.0.total_cmp(&b.0)) else { return self };
-        let parts: [Vec<Run>; 2] =
-            [0, 1].map(|which| data.runs.iter().skip(which).step_by(2).cloned().collect::<Vec<Run>>());
-        let mut gained = Vec::new();
-        for which in [0, 1] {
-            let [own, other] = [which, 1 - which].map(|part| FreeRuns { runs: &parts[part], size: data.size });
-            let Some((without, with)) = own.fitted(&[self], axes).zip(own.fitted(&[start], axes)) else { return self };
-            let errors = [without, with].map(|law| other.of(&law).iter().map(DVector::norm).collect::<Vec<f64>>());
-            let gain = |(without, with): (&f64, &f64)| (without / with.max(f64::MIN_POSITIVE)).ln();
-            gained.push(errors[0].iter().zip(&errors[1]).map(gain).collect());
-        }
-        match data.fitted(&[start], axes) {
-            // Play that is as large as it may be stands for something else.
-            Some(law) if pays(&gained) && law.half_play < 0.99 * MOST_PLAY * travel => law,
-            _ => self,
-        }
+        let best = if with_limits { best.with_parts(&data, &axes) } else { best };
+        Some(best.without_idle(&data, &axes))
     }
 
     /// The best on the grid without limits.
@@ -141,44 +136,50 @@ impl SetPoint {
         let middle = mean_spool(runs);
         let of = |&(delay_s, lag_s): &(f64, f64)| {
             let shapes = |command: f64, _: f64| vec![command - middle, 1.0];
-            let law = SpoolLaw { lag: Lag::Dead(delay_s), settles_s: Some(lag_s), shapes: &shapes };
+            let law = SpoolLaw { lag: Lag::dead(delay_s), settles_s: Some(lag_s), shapes: &shapes };
             let normals = law.normals(runs);
             let best = solved(normals.iter())?;
             let missed: f64 = normals.iter().map(|normal| normal.missed(&best)).sum();
             let (gain, level) = (best[0], best[1] - best[0] * middle);
             let (rising_limit, falling_limit) = (f64::INFINITY, f64::INFINITY);
-            let law = Self { gain, level, delay_s, lag_s, rising_limit, falling_limit, half_play: 0.0 };
+            let (half_play, integral_s, winds_up) = (0.0, f64::INFINITY, false);
+            let law =
+                Self { gain, level, delay_s, lag_s, rising_limit, falling_limit, half_play, integral_s, winds_up };
             (gain.is_finite() && gain != 0.0 && level.is_finite()).then_some((missed, law))
         };
         let found: Vec<(f64, Self)> = grid.par_iter().filter_map(of).collect();
         found.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, law)| law)
     }
 
-    /// The same without play, limits, delay and lag that make no difference.
-    fn without_idle(self, data: &FreeRuns<'_>) -> Self {
-        let none: [fn(&mut Self); 5] = [
-            |law| law.half_play = 0.0,
-            |law| law.rising_limit = f64::INFINITY,
-            |law| law.falling_limit = f64::INFINITY,
-            |law| law.delay_s = 0.0,
-            |law| law.lag_s = 0.0,
+    /// The same without the parts that make no difference: without each in turn, all else is fitted anew.
+    fn without_idle(self, data: &FreeRuns<'_>, axes: &[Axis]) -> Self {
+        let parts = [
+            (Part::Integral, LEAST_WORTH),
+            (Part::Play, LEAST_WORTH),
+            (Part::Rising, LEAST_WORTH_OF_LIMITS),
+            (Part::Falling, LEAST_WORTH_OF_LIMITS),
+            (Part::Delay, LEAST_WORTH),
         ];
-        let allowed = (1.0 + LEAST_WORTH).powi(2) * square(&data.of(&self));
+        let least = square(&data.of(&self));
+        let is_no_worse = |law: &Self, worth: f64| square(&data.of(law)) <= (1.0 + worth).powi(2) * least;
         let mut law = self;
-        for none in none {
-            let mut other = law;
-            none(&mut other);
-            if square(&data.of(&other)) <= allowed {
-                law = other;
+        for (part, worth) in parts {
+            let other = match part {
+                Part::Integral => Self { integral_s: f64::INFINITY, ..law },
+                Part::Play => Self { half_play: 0.0, ..law },
+                Part::Rising => Self { rising_limit: f64::INFINITY, ..law },
+                Part::Falling => Self { falling_limit: f64::INFINITY, ..law },
+                _ => Self { delay_s: 0.0, ..law },
+            };
+            if other == law {
+                continue;
             }
+            let others: Vec<Axis> = axes.iter().filter(|axis| axis.part != part).copied().collect();
+            law = data.fitted(&[other], &others).filter(|other| is_no_worse(other, worth)).unwrap_or(law);
         }
-        law
+        let at_once = Self { lag_s: 0.0, ..law };
+        if is_no_worse(&at_once, LEAST_WORTH) { at_once } else { law }
     }
-}
-
-/// Whether what is gained in the pieces of two parts, as logarithms of errors, is a gain in both, and beyond the spread between pieces.
-fn pays(gained: &[Vec<f64>]) -> bool {
-    gained.iter().all(|part| part.iter().sum::<f64>() > 0.0) && is_gain(&gained.concat())
 }
 
 /// Usual speed of the position as it rises and as it falls.
@@ -253,83 +254,4 @@ impl Judge<SetPoint> for FreeRuns<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const LOOP: SetPoint = SetPoint {
-        gain: 1.0,
-        level: 0.02,
-        delay_s: 0.12,
-        lag_s: 0.35,
-        rising_limit: 0.25,
-        falling_limit: 0.18,
-        half_play: 0.0,
-    };
-
-    /// Free runs of a law under steps of its command, with a little noise.
-    fn recorded(law: SetPoint, seed: u64) -> Vec<Run> {
-        let mut state = seed;
-        let mut random = move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1_u64 << 53) as f64
-        };
-        let (mut command, mut until_s) = (0.5, 0.0);
-        let mut run = Run { opening: vec![0.5], ..Run::default() };
-        for k in 0..6000 {
-            let time_s = f64::from(k) * 0.02;
-            if time_s >= until_s {
-                (command, until_s) = (0.2 + 0.6 * random(), time_s + 1.0 + 4.0 * random());
-            }
-            run.time_s.push(time_s);
-            run.spool.push(command);
-        }
-        run.opening = law.simulated(&run);
-        run.opening.iter_mut().for_each(|y| *y += 1e-3 * (random() - 0.5));
-        run.windows(10.0)
-    }
-
-    #[test]
-    fn gain_delay_lag_and_limits_of_a_loop_are_found() {
-        let near = |found: f64, wanted: f64, share: f64| (found / wanted - 1.0).abs() < share;
-        let found = SetPoint::fitted(&recorded(LOOP, 1), true).unwrap();
-        assert!(near(found.gain, 1.0, 0.01) && (found.level - 0.02).abs() < 0.01, "{found:?}");
-        assert!(near(found.delay_s, 0.12, 0.15) && near(found.lag_s, 0.35, 0.1), "{found:?}");
-        assert!(near(found.rising_limit, 0.25, 0.05) && near(found.falling_limit, 0.18, 0.05), "{found:?}");
-        // What is not there is not found.
-        let free = SetPoint { delay_s: 0.0, rising_limit: f64::INFINITY, falling_limit: f64::INFINITY, ..LOOP };
-        let found = SetPoint::fitted(&recorded(free, 2), true).unwrap();
-        assert!(found.rising_limit.is_infinite() && found.falling_limit.is_infinite(), "{found:?}");
-        assert!(found.delay_s < 0.03 && near(found.lag_s, 0.35, 0.05) && near(found.gain, 1.0, 0.005), "{found:?}");
-        assert!(found.half_play == 0.0, "{found:?}");
-        let lag = SetPoint::fitted(&recorded(free, 3), false).unwrap();
-        assert!(lag.delay_s == 0.0 && near(lag.lag_s, 0.35, 0.05) && near(lag.gain, 1.0, 0.005), "{lag:?}");
-    }
-
-    /// The same run in other units of command and position, and by another clock.
-    fn in_units(run: &Run, slower: f64, command: f64, position: f64) -> Run {
-        Run {
-            before: run.before.iter().map(|(t, u)| (slower * t, command * u - 3.0)).collect(),
-            time_s: run.time_s.iter().map(|t| slower * t).collect(),
-            spool: run.spool.iter().map(|u| command * u - 3.0).collect(),
-            opening: run.opening.iter().map(|y| position * y + 20.0).collect(),
-        }
-    }
-
-    #[test]
-    fn play_is_found_where_it_is_in_any_unit_and_clock() {
-        for half_play in [0.01, 0.03] {
-            let runs = recorded(SetPoint { half_play, ..LOOP }, 5);
-            let first = SetPoint::fitted(&runs, true).unwrap();
-            // A run begins somewhere in the play, which nobody measured.
-            assert!((first.half_play / half_play - 1.0).abs() < 0.1, "{half_play}: {first:?}");
-            assert!((first.lag_s / 0.35 - 1.0).abs() < 0.15, "{half_play}: {first:?}");
-            for (slower, command, position) in [(10.0, -40.0, 0.02), (0.1, 0.03, -500.0)] {
-                let runs: Vec<Run> = runs.iter().map(|run| in_units(run, slower, command, position)).collect();
-                let found = SetPoint::fitted(&runs, true).unwrap();
-                let same = |found: f64, wanted: f64| (found / wanted - 1.0).abs() < 0.02;
-                assert!(same(found.half_play, first.half_play * position.abs()), "{first:?} {found:?}");
-                assert!(same(found.lag_s, first.lag_s * slower), "{first:?} {found:?}");
-            }
-        }
-    }
-}
+mod tests;

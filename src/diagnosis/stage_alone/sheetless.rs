@@ -10,7 +10,7 @@ use crate::stage_alone::competing_laws::Follows;
 use crate::stage_alone::end_stops::{BetweenStops, between_stops};
 use crate::stage_alone::flexible::{Flexible, flexible};
 use crate::stage_alone::pieces::{PIECES, pieces};
-use crate::stage_alone::plain::{Plain, plain};
+use crate::stage_alone::plain::Plain;
 use crate::stage_alone::run::Run;
 use govtwin_model::effects::{CATALOGUE, Stage};
 use govtwin_model::parameters::{ChannelReading, ChannelReadings, ENTRIES, EffectSetting, Tolerance, Unit};
@@ -35,12 +35,14 @@ const TRAVELLED: (f64, f64) = (0.9, 0.05);
 const HELD_FROM: f64 = 0.4;
 /// Steps between the spool's ends to which its zero is rounded before the fit.
 const ZERO_STEPS: f64 = 100.0;
-/// What the wide tolerances are: a factor of e either way is one and a half deviations or less.
+/// What the wide tolerances are: a factor of e either way is two deviations or less.
+///
+/// Six deviations of friction, the most that a fit may take, are no more than the servomotor overcomes.
 const WIDE: [(&str, f64); 5] = [
     ("main_ports.width_m", 1.5),
     ("main_ports.overlap_m", 1.5),
     ("servomotor.viscous_damping_n_s_m", 1.5),
-    ("servomotor.coulomb_friction_n", 1.0),
+    ("servomotor.coulomb_friction_n", 0.55),
     ("servomotor.moving_mass_kg", 1.0),
 ];
 /// The effect that takes up where the spool's zero lies, which nobody knows without a sheet.
@@ -109,11 +111,14 @@ pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit, may_hold: bool) ->
                 .to_owned(),
         );
     }
-    let pieces = recordings(&whole);
+    let mut pieces = recordings(&whole);
     let runs = Run::all(&pieces);
-    let law = plain(&runs)?;
+    let law = law.in_pu(channels.spool_position, channels.servomotor_position);
     let seen = flexible(&runs, &law)?;
     let unit = unit(reference, channels, &law, period_s);
+    for piece in &mut pieces {
+        piece.clock_ratio = unit.recorded.clock_ratio;
+    }
     let mut noise = expected(&reference.sensors);
     noise[Signal::ServomotorPosition as usize] = seen.noise;
     notes.push(

@@ -32,6 +32,8 @@ const CLEARLY: f64 = 1.05;
 const SUMS_UP: f64 = 0.5;
 /// Share of the squared error, of what a plain model of the same law closes, that named effects must close beside it.
 const NEARLY: f64 = 0.9;
+/// Share of the same as logarithms: an effect that stands for another, such as a lag for a dead time, leaves many times what that would.
+const HALF: f64 = 0.5;
 
 /// The models in free runs.
 #[derive(Clone, Debug, Default)]
@@ -40,6 +42,8 @@ pub(crate) struct Compared {
     pub free_run_s: f64,
     /// What drives the plain models.
     pub drive: &'static str,
+    /// Whether that is the set point of a position loop.
+    is_loop: bool,
     /// The models: twins first.
     pub models: Vec<ComparedModel>,
     /// RMS movement in a free run, pu: what a model that stands still would miss.
@@ -63,8 +67,9 @@ impl Compared {
             .map(PreparedRecording::servomotor_stage)
             .filter_map(|one| Run::of(&one))
             .collect();
-        let mut compared = Self { free_run_s: free_run_s(&whole), drive, ..Self::default() };
-        let Some(halves) = halves(&stage.whole, compared.free_run_s, ready.setup) else { return compared };
+        let mut compared =
+            Self { free_run_s: free_run_s(&whole), drive, is_loop: deviation.is_some(), ..Self::default() };
+        let Some(halves) = halves(&stage.whole, compared.free_run_s, ready) else { return compared };
         for model in twins {
             let errors = [0, 1].map(|half| {
                 let problem = Problem::new(halves[1 - half].clone(), &model.unit(), &ready.noise);
@@ -131,16 +136,17 @@ impl Compared {
         Some(PlainLaw { law: *law, numbers, is_better })
     }
 
-    /// Whether a plain model that sums up what drives it predicts most of the movement, and better than all that settle.
+    /// Whether a plain model that sums up what drives it predicts most of the movement, and better than all that settle within a run.
     pub(crate) fn sums_up(&self) -> bool {
         let least = |settles: bool| {
             let plain = self.models.iter().filter(|model| {
-                PlainKind::titled(&model.model).is_some_and(|kind| model.is_plain && kind.settles() == settles)
+                let kind = PlainKind::titled(&model.model).filter(|kind| model.is_plain && kind.settles() == settles);
+                kind.is_some() && self.settles_in_time(model)
             });
-            plain.map(|model| model.held_out).min_by(f64::total_cmp)
+            plain.map(|model| model.held_out).fold(f64::INFINITY, f64::min)
         };
         let most = SUMS_UP.sqrt() * self.moved_pu;
-        least(false).zip(least(true)).is_some_and(|(sum, settled)| sum < settled && sum < most)
+        least(false) < least(true).min(most)
     }
 
     /// Whether a model settles within a run: one that would only long after it is a sum with a leak, and its set point means nothing.
@@ -162,17 +168,19 @@ impl Compared {
     }
 
     /// The plain model of the stage's own law that errs less than the twin with these effects, where none wins: what differs between pieces may be chance.
+    /// Of a position loop a law of its set point that errs no more: that needs no stage to be believed.
     pub(crate) fn as_good(&self, effects: &str) -> Option<&ComparedModel> {
         if self.winner().is_some() {
             return None;
         }
         let twin = self.models.iter().find(|model| !model.is_plain && model.model == effects)?;
         let own = |model: &&ComparedModel| {
-            model.is_plain && PlainKind::titled(&model.model).is_some_and(|kind| !kind.settles())
+            let settles = PlainKind::titled(&model.model).is_some_and(PlainKind::settles);
+            model.is_plain && settles == self.is_loop && self.settles_in_time(model)
         };
         let plain = self.models.iter().filter(own).min_by(|a, b| a.held_out.total_cmp(&b.held_out))?;
         let in_both = (0..2).all(|half| plain.halves[half] < CLEARLY * twin.halves[half]);
-        (in_both && CLEARLY * plain.held_out < twin.held_out).then_some(plain)
+        (in_both && (self.is_loop || CLEARLY * plain.held_out < twin.held_out)).then_some(plain)
     }
 
     /// Whether a model wins whose position settles, which a servomotor's does not.
@@ -191,9 +199,13 @@ impl Compared {
         if (0..2).any(|half| with.halves[half] >= without.halves[half]) {
             return Some("the stage with it does not predict both halves better than without".to_owned());
         }
+        if self.is_loop && self.as_good(&with.model).is_some() {
+            return Some("a law of the set point predicts both halves as well as the loop with it".to_owned());
+        }
         let plain = self.winner()?;
         let squares = [without, with, plain].map(|model| model.held_out.powi(2));
-        let closes = squares[0] - squares[1] >= NEARLY * (squares[0] - squares[2]);
+        let closes = squares[0] - squares[1] >= NEARLY * (squares[0] - squares[2])
+            && (squares[0] / squares[1]).ln() >= HALF * (squares[0] / squares[2]).ln();
         let same_law = PlainKind::titled(&plain.model).is_some_and(PlainKind::is_law_of_the_stage);
         (!same_law || !closes)
             .then(|| format!("the plain model \"{}\" predicts both halves better than the stage with it", plain.model))
@@ -202,8 +214,7 @@ impl Compared {
 
 /// The parameters of a plain model, with their intervals.
 fn parameters(model: &PlainModel, numbers: Option<&PlainNumbers>, drive: &str) -> Vec<ModelParameter> {
-    let values = |model: &PlainModel| model.parameters(drive).into_iter().map(|(_, value, _)| value).collect();
-    let halves = numbers.map(|numbers| numbers.half_widths(values));
+    let halves = numbers.map(|numbers| numbers.of_parameters(drive));
     let of = |(k, (name, value, unit)): (usize, (&'static str, f64, String))| {
         let half = halves.as_ref().map_or(f64::NAN, |halves| halves[k]);
         ModelParameter { name, value, ends: (value - half, value + half), unit }
@@ -223,20 +234,26 @@ fn wins(one: &ComparedModel, other: &ComparedModel) -> bool {
     in_both && CLEARLY * one.held_out < other.held_out && is_gain(&differences)
 }
 
-/// Free runs of the recordings, by half: of several recordings the first ones and the others; none where a half has none.
-fn halves(whole: &[Recording], length_s: f64, setup: Setup) -> Option<[Vec<PreparedRecording>; 2]> {
+/// Free runs of the recordings, by half: of several recordings the first ones and the others, of one its quarters in turn, so that what drives it may
+/// change over it, as in a sweep; none where a half has none.
+fn halves(whole: &[Recording], length_s: f64, ready: &Preparation) -> Option<[Vec<PreparedRecording>; 2]> {
     // Processes of a unit with a sheet begin at rest.
-    let at_rest = setup != Setup::StageFree;
+    let at_rest = ready.setup != Setup::StageFree;
+    let by_clock = |piece| PreparedRecording {
+        clock_ratio: ready.unit.recorded.clock_ratio,
+        ..PreparedRecording::free_run(piece)
+    };
     let of = |half: &[Recording]| -> Vec<PreparedRecording> {
-        let runs =
-            half.iter().flat_map(|recording| windows(recording, length_s, at_rest)).map(PreparedRecording::free_run);
+        let runs = half.iter().flat_map(|recording| windows(recording, length_s, at_rest)).map(by_clock);
         runs.filter(|recording| recording.samples.len() > 2).collect()
     };
     let halves = match whole {
         [_] => {
-            let mut first = of(whole);
-            let second = first.split_off(first.len() / 2);
-            [first, second]
+            let all = of(whole);
+            let quarter = all.len().div_ceil(4).max(1);
+            let (first, second): (Vec<_>, Vec<_>) =
+                all.into_iter().enumerate().partition(|(place, _)| place / quarter % 2 == 0);
+            [first, second].map(|half| half.into_iter().map(|(_, run)| run).collect())
         }
         several => {
             let (first, second) = several.split_at(several.len() / 2);
@@ -346,6 +363,29 @@ mod tests {
         assert!(!winner([0.5, 0.5, 0.5, 2.5, 2.5, 2.5]));
         assert!(!winner([2.0, 0.1, 1.9, 2.1, 2.2, 2.1]));
         assert!(compared(twins()).winner().is_none(), "nothing plain was run");
+    }
+
+    #[test]
+    fn an_effect_that_leaves_many_times_what_the_stages_own_law_does_stands_for_another() {
+        let is_refused = |left: f64| {
+            let twins = [model("", false, [2.0; 6]), model("feedback_lag", false, [left; 6])];
+            let models = twins.into_iter().chain([model(PlainKind::PlainLaw.title(), true, [0.03; 6])]).collect();
+            compared(models).against("feedback_lag").is_some()
+        };
+        assert!(is_refused(0.6) && !is_refused(0.2));
+    }
+
+    #[test]
+    fn a_law_of_the_set_point_is_given_where_a_loop_predicts_no_better() {
+        let found = |is_loop: bool, pieces: [f64; 6]| {
+            let twins = [model("", false, [3.0; 6]), model("load", false, [1.0, 1.1, 0.9, 1.0, 1.1, 0.9])];
+            let models = twins.into_iter().chain([model(PlainKind::SetPoint.title(), true, pieces)]).collect();
+            let compared = Compared { is_loop, free_run_s: 1.0, ..compared(models) };
+            (compared.as_good("load").is_some(), compared.against("load").is_some())
+        };
+        assert_eq!(found(true, [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]), (true, true));
+        assert_eq!(found(true, [1.2, 1.1, 1.2, 1.2, 1.2, 1.2]), (false, false), "the stage says more of the loop");
+        assert_eq!(found(false, [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]), (false, false), "no loop");
     }
 
     #[test]

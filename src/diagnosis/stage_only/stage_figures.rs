@@ -250,7 +250,7 @@ mod tests {
     #[test]
     fn a_plain_law_has_its_figures_whichever_way_it_runs() {
         let law = |gain: f64| Plain {
-            lag: Lag::Dead(0.2),
+            lag: Lag::dead(0.2),
             zero: 5.0,
             half_band: 1.0,
             saturates: f64::INFINITY,

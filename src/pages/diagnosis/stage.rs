@@ -55,7 +55,14 @@ pub(crate) fn plain_as_good(diagnosis: &Diagnosis) -> Option<String> {
         _ => String::new(),
     };
     let twin = part.models.iter().find(|model| !model.is_plain && model.model == effects)?;
-    plain_beside(part, part.plain_as_good.as_ref()?, twin, "The same law more plainly, predicting no worse.")
+    let plain = part.plain_as_good.as_ref()?;
+    let settles = part.models.iter().any(|model| model.model == *plain && settling(part, model).is_some());
+    let first = if settles {
+        "A law of the set point alone predicts no worse."
+    } else {
+        "The same law more plainly, predicting no worse."
+    };
+    plain_beside(part, plain, twin, first)
 }
 
 /// A plain model beside a twin, after a first sentence.
@@ -89,9 +96,11 @@ fn settling(part: &StageOnly, model: &ComparedModel) -> Option<String> {
         let [half, width] = [0.5 * width, width].map(number);
         format!("; it stops {half} short of that from either side, by backlash or a dead band of {width}")
     });
+    let integral = of("integral time")
+        .map_or_else(String::new, |time_s| format!(" and integral action (integral time {} s)", number(time_s)));
     let limits = if limits.is_empty() { String::new() } else { format!("; it {}", limits.join(" and ")) };
     Some(format!(
-        "{subject} follows {} × {} {sign} {} with {delay}a lag of {} s{limits}{play} (units of the recordings).",
+        "{subject} follows {} × {} {sign} {} with {delay}a lag of {} s{integral}{limits}{play} (units of the recordings).",
         number(gain),
         part.driven_by,
         number(level.abs()),

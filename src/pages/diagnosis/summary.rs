@@ -46,7 +46,7 @@ pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
         let title = model_title(model);
         line(
             "free runs",
-            format!("{title}: RMS error {all} % on held-out pieces (first half {first} %, second {second} %)"),
+            format!("{title}: RMS error {all} % on held-out pieces (one half {first} %, the other {second} %)"),
         );
     }
     for (i, words) in sheet::sentences(diagnosis).into_iter().enumerate() {

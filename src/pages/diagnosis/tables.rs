@@ -44,8 +44,8 @@ pub(crate) fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
 
 /// The models of a servomotor stage in free runs over held-out pieces.
 pub(crate) fn models(part: &StageOnly) -> Table {
-    let mut table = Table::new().words("model").numbers("RMS error, %").numbers("first half, %");
-    table = table.numbers("second half, %").numbers("best piece, %").numbers("worst piece, %").words("parameters");
+    let mut table = Table::new().words("model").numbers("RMS error, %").numbers("one half, %");
+    table = table.numbers("other half, %").numbers("best piece, %").numbers("worst piece, %").words("parameters");
     for model in &part.models {
         let pieces = || model.pieces.iter().copied();
         let ends = [pieces().fold(f64::INFINITY, f64::min), pieces().fold(0.0, f64::max)];

@@ -9,6 +9,8 @@ pub(super) const LAG_RANGE: (f64, f64) = (1e-3, 10.0);
 const MOST_DELAY: f64 = 0.5;
 /// The most that half of the play may be, as a share of the position's travel: with more, the position would hardly move.
 pub(super) const MOST_PLAY: f64 = 0.25;
+/// Least and greatest integral time, as shares of a run's length.
+const INTEGRAL_RANGE: (f64, f64) = (1e-3, 1e2);
 
 /// What is turned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +22,7 @@ pub(super) enum Part {
     Rising,
     Falling,
     Play,
+    Integral,
 }
 
 /// One number of the law, in steps of its own.
@@ -35,7 +38,7 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    pub(super) const MOST: usize = 7;
+    pub(super) const MOST: usize = 8;
 
     pub(super) fn all(runs: &[Run], start: &SetPoint, with_limits: bool) -> Vec<Self> {
         let length_s = typical_s(runs);
@@ -53,11 +56,12 @@ impl Axis {
             axes.push(axis(Part::Rising, 0.2, speeds[0]));
             axes.push(axis(Part::Falling, 0.2, speeds[1]));
             axes.push(axis(Part::Play, 0.01 * opening, (0.0, MOST_PLAY * opening)));
+            axes.push(axis(Part::Integral, 0.2, (INTEGRAL_RANGE.0 * length_s, INTEGRAL_RANGE.1 * length_s)));
         }
         axes
     }
 
-    /// Whether it turns anything from there: a limit that is never reached does not, nor play that is not there.
+    /// Whether it turns anything from there: a limit that is never reached does not, nor play or integral action that is not there.
     pub(super) fn acts(&self, base: &SetPoint) -> bool {
         self.value(base).is_finite() && (self.part != Part::Play || base.half_play > 0.0)
     }
@@ -71,11 +75,12 @@ impl Axis {
             Part::Rising => law.rising_limit,
             Part::Falling => law.falling_limit,
             Part::Play => law.half_play,
+            Part::Integral => law.integral_s,
         }
     }
 
     fn is_logarithmic(&self) -> bool {
-        matches!(self.part, Part::Lag | Part::Rising | Part::Falling)
+        matches!(self.part, Part::Lag | Part::Rising | Part::Falling | Part::Integral)
     }
 }
 
@@ -106,6 +111,7 @@ impl Coordinate for Axis {
             Part::Rising => law.rising_limit = base.rising_limit * by.exp(),
             Part::Falling => law.falling_limit = base.falling_limit * by.exp(),
             Part::Play => law.half_play = (base.half_play + by).max(0.0),
+            Part::Integral => law.integral_s = base.integral_s * by.exp(),
         }
     }
 }

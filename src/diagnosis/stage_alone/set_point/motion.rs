@@ -1,10 +1,15 @@
 //! How a position moves to where its command sends it, exactly over each stretch over which that runs straight.
 
+use std::ops::Range;
+
 use super::SetPoint;
 use crate::stage_alone::run::{Run, settled};
 
 /// Changes between moving at a limit and settling that there can be over one stretch.
 const PHASES: usize = 4;
+/// Longest step of the integral, as a share of the lag, and most steps in a stretch.
+const INTEGRAL_STEP: f64 = 0.25;
+const INTEGRAL_STEPS: f64 = 16.0;
 
 /// What the command does, some time ago, over a part of a step between two samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,17 +22,17 @@ pub(super) struct Stretch {
     pub is_last: bool,
 }
 
-/// The command as it acts, a delay later, from the first sample of a run to its last.
+/// The command as it acts, a delay later, over the steps that end at some rows of what drives a run.
 ///
 /// Between samples it runs straight. A change between two samples with none before and after is a step at the later one: a command that is sent in steps.
-pub(super) fn stretches(run: &Run, delay_s: f64, mut on_stretch: impl FnMut(Stretch)) {
+pub(super) fn stretches(run: &Run, delay_s: f64, rows: Range<usize>, mut on_stretch: impl FnMut(Stretch)) {
     let (time_s, command): (Vec<f64>, Vec<f64>) = run.driven().into_iter().unzip();
     let last = time_s.len() - 1;
     let is_still = |row: usize| row >= last || command[row] == command[row + 1];
     let is_step = |row: usize| (row == 0 || is_still(row - 1)) && is_still(row + 1);
     // The command is known from the row at or before its time, and as at the beginning before that.
     let mut row = 0;
-    for k in run.before.len() + 1..=last {
+    for k in rows {
         let (mut from_s, until_s) = (time_s[k - 1] - delay_s, time_s[k] - delay_s);
         if from_s >= until_s {
             // Two samples at one time.
@@ -56,6 +61,30 @@ pub(super) fn stretches(run: &Run, delay_s: f64, mut on_stretch: impl FnMut(Stre
 }
 
 impl SetPoint {
+    /// Where what drives the position and the regulator's integral stand after a time over which the goal runs straight.
+    ///
+    /// In steps that are short beside the lag the integral counts as straight (Heun's method), and the drive is exact.
+    pub(super) fn regulated(&self, [mut at, mut integral]: [f64; 2], [goal, end]: [f64; 2], length_s: f64) -> [f64; 2] {
+        if self.integral_s.is_infinite() || length_s <= 0.0 {
+            return [self.driven(at, [goal, end], length_s), integral];
+        }
+        let count = (length_s / (INTEGRAL_STEP * self.lag_s)).ceil().clamp(1.0, INTEGRAL_STEPS);
+        let share = length_s / count / self.integral_s;
+        let mut k = 0.0;
+        while k < count {
+            let ends = [k, k + 1.0].map(|k| goal + (end - goal) * k / count);
+            let ahead = ends[0] - at;
+            let speed = (ahead + integral) / self.lag_s;
+            let winds = self.winds_up || (speed <= self.rising_limit && speed >= -self.falling_limit);
+            let share = if winds { share } else { 0.0 };
+            let middle = integral + 0.5 * share * ahead;
+            at = self.driven(at, ends.map(|goal| goal + middle), length_s / count);
+            integral += 0.5 * share * (ahead + ends[1] - at);
+            k += 1.0;
+        }
+        [at, integral]
+    }
+
     /// Where what drives the position stands after a time over which its goal runs straight: at a limit as far as that binds, else settling.
     pub(super) fn driven(&self, mut at: f64, [mut goal, end]: [f64; 2], length_s: f64) -> f64 {
         let (lag_s, mut left_s) = (self.lag_s, length_s);
@@ -113,6 +142,8 @@ mod tests {
         rising_limit: 0.25,
         falling_limit: 0.4,
         half_play: 0.0,
+        integral_s: f64::INFINITY,
+        winds_up: false,
     };
 
     /// The same by many small steps.
@@ -147,7 +178,7 @@ mod tests {
             ..Run::default()
         };
         let mut all = Vec::new();
-        stretches(&run, 0.5, |stretch| all.push(stretch));
+        stretches(&run, 0.5, 1..6, |stretch| all.push(stretch));
         assert_eq!(all.iter().map(|one| one.length_s).sum::<f64>(), 5.0);
         assert_eq!(all.iter().filter(|one| one.is_last).count(), 5);
         let ends: Vec<[f64; 2]> = all.iter().map(|one| one.ends).collect();

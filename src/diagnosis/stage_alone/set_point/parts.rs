@@ -1,0 +1,76 @@
+//! Parts of the law that are there only where they pay for themselves between pieces: play, and integral action.
+
+use super::coordinates::{Axis, MOST_PLAY};
+use super::{FreeRuns, SetPoint};
+use nalgebra::DVector;
+
+use crate::estimation::coordinate::square;
+use crate::stage_alone::run::{Run, travel, typical_s};
+use crate::stage_alone::spread::is_gain;
+
+/// Halves of the play that a fit may begin from, as shares of the position's travel.
+const PLAYS: [f64; 5] = [0.005, 0.01, 0.02, 0.04, 0.08];
+/// Integral times that a fit may begin from, as shares of a run's length.
+const INTEGRALS: [f64; 4] = [0.05, 0.15, 0.5, 1.5];
+
+impl SetPoint {
+    /// The same with the parts that pay, the one that gains most first: fitted to every second run, it must predict the others better.
+    pub(super) fn with_parts(mut self, data: &FreeRuns<'_>, axes: &[Axis]) -> Self {
+        let parts: [fn(Self, &FreeRuns<'_>) -> Vec<Self>; 2] = [Self::with_play, Self::with_integral];
+        let mut left = parts.to_vec();
+        loop {
+            let paying = left.iter().enumerate().filter_map(|(place, part)| {
+                let (gain, law) = self.paying(&part(self, data), data, axes)?;
+                Some((place, gain, law))
+            });
+            let Some((place, _, law)) = paying.max_by(|a, b| a.1.total_cmp(&b.1)) else { return self };
+            left.remove(place);
+            self = law;
+        }
+    }
+
+    /// The same with play of some width.
+    fn with_play(self, data: &FreeRuns<'_>) -> Vec<Self> {
+        let travel = travel(data.runs, |run| &run.opening);
+        best(PLAYS.map(|share| Self { half_play: share * travel, ..self }), data)
+    }
+
+    /// The same with integral action, which stands still at a rate limit or winds up.
+    fn with_integral(self, data: &FreeRuns<'_>) -> Vec<Self> {
+        let length_s = typical_s(data.runs);
+        let ways = &[false, true][..if self.rising_limit.min(self.falling_limit).is_finite() { 2 } else { 1 }];
+        let of = |&winds_up: &bool| {
+            best(INTEGRALS.map(|share| Self { integral_s: share * length_s, winds_up, ..self }), data)
+        };
+        ways.iter().flat_map(of).collect()
+    }
+
+    /// The best fit from some starts, and how much better it predicts what it was not fitted to, where it does.
+    fn paying(self, starts: &[Self], data: &FreeRuns<'_>, axes: &[Axis]) -> Option<(f64, Self)> {
+        let parts: [Vec<Run>; 2] =
+            [0, 1].map(|which| data.runs.iter().skip(which).step_by(2).cloned().collect::<Vec<Run>>());
+        let mut gained: Vec<Vec<f64>> = Vec::new();
+        for which in [0, 1] {
+            let [own, other] = [which, 1 - which].map(|part| FreeRuns { runs: &parts[part], size: data.size });
+            let laws = [own.fitted(&[self], axes)?, own.fitted(starts, axes)?];
+            let errors = laws.map(|law| other.of(&law).iter().map(DVector::norm).collect::<Vec<f64>>());
+            let gain = |(without, with): (&f64, &f64)| (without / with.max(f64::MIN_POSITIVE)).ln();
+            gained.push(errors[0].iter().zip(&errors[1]).map(gain).collect());
+        }
+        let law = data.fitted(starts, axes)?;
+        // Play that is as large as it may be stands for something else.
+        let is_whole = law.half_play < 0.99 * MOST_PLAY * travel(data.runs, |run| &run.opening);
+        (pays(&gained) && is_whole).then(|| (gained.iter().flatten().sum(), law))
+    }
+}
+
+/// The start that leaves least.
+fn best<const N: usize>(starts: [SetPoint; N], data: &FreeRuns<'_>) -> Vec<SetPoint> {
+    let squares = starts.iter().map(|start| square(&data.of(start)));
+    squares.zip(starts).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start).into_iter().collect()
+}
+
+/// Whether what is gained in the pieces of two parts, as logarithms of errors, is a gain in both, and beyond the spread between pieces.
+fn pays(gained: &[Vec<f64>]) -> bool {
+    gained.iter().all(|part| part.iter().sum::<f64>() > 0.0) && is_gain(&gained.concat())
+}
