@@ -36,7 +36,6 @@ const LEAST_GAIN: f64 = 8.0;
 ///
 /// Without a sheet everything is fitted freely, and a piece of a recording starts in a state that nobody measured: a second effect, or the
 /// better of two alike, is then easily had. That there is no gap is said only where the transducers account for what is missed on pieces left out.
-#[must_use]
 pub(crate) fn modest(
     problem: &Problem,
     found: &Explored,
@@ -292,7 +291,6 @@ fn near(found: &Explored) -> Vec<&'static str> {
 }
 
 /// What a report says of the part.
-#[must_use]
 pub(crate) fn describe(
     (ready, stage): (&Preparation, &StageAlone),
     found: &Explored,

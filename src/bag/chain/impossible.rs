@@ -108,18 +108,7 @@ impl Impossible {
                  moves does: values were held or put in the place of others",
                 percent(by_pu)
             ),
-            Self::Away { away_pu, towards_pu, may_be: true } => format!(
-                "the servomotor moves away from its command, by {} of the stroke in all and {} towards it: either the governor takes \
-                 another command (`command_gain`) or its pilot oil is lost (`chamber_leak`), or a channel is scaled or of another machine",
-                percent(away_pu),
-                percent(towards_pu)
-            ),
-            Self::Away { away_pu, towards_pu, .. } => format!(
-                "the servomotor moves away from its command, by {} of the stroke in all and {} towards it: time runs backwards, the response \
-                 comes before the command, or one of the two is turned or scaled",
-                percent(away_pu),
-                percent(towards_pu)
-            ),
+            Self::Away { away_pu, towards_pu, may_be } => away(away_pu, towards_pu, may_be),
             Self::Leads { away_pu, towards_pu, lead_s } => format!(
                 "the servomotor moves before its command does, by some {lead_s:.2} s, {} of the stroke in all against {} behind it: the stamps of command and measured \
                  state are of two clocks",
@@ -199,6 +188,20 @@ impl Impossible {
             ),
         }
     }
+}
+
+fn away(away_pu: f64, towards_pu: f64, may_be: bool) -> String {
+    let reason = if may_be {
+        "either the governor takes another command (`command_gain`) or its pilot oil is lost (`chamber_leak`), or a channel is scaled or of another \
+         machine"
+    } else {
+        "time runs backwards, the response comes before the command, or one of the two is turned or scaled"
+    };
+    format!(
+        "the servomotor moves away from its command, by {} of the stroke in all and {} towards it: {reason}",
+        percent(away_pu),
+        percent(towards_pu)
+    )
 }
 
 fn late_copy(of_position: bool, lag_s: f64, equal: u64, changes: u64) -> String {

@@ -129,8 +129,9 @@ impl ShiftWatch {
 
     /// By how many steps the speed is later than its spool, below 0 earlier, where that tells much more than its own time does, and the correlation.
     pub(super) fn best(&self, own: f64, fewest: f64) -> Option<(isize, f64)> {
-        let of = |sign: isize| move |(k, relation): (usize, &Relation)| (sign * (k as isize + 1), *relation);
-        let all = self.late.iter().enumerate().map(of(1)).chain(self.ahead.iter().enumerate().map(of(-1)));
+        let late = (1..).zip(&self.late);
+        let ahead = (1..).map(|steps: isize| -steps).zip(&self.ahead);
+        let all = late.chain(ahead);
         let told = all.filter(|(_, relation)| relation.n >= fewest).map(|(by, relation)| (by, relation.correlation()));
         let best = told.max_by(|a, b| a.1.total_cmp(&b.1))?;
         (best.1 > own.max(0.0) && 1.0 - best.1.powi(2) < LEAVES * (1.0 - own.max(0.0).powi(2))).then_some(best)

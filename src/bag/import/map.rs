@@ -181,6 +181,7 @@ impl Map {
     }
 
     /// The same with the positions of command, spool and servomotor in the units of the file: a stage that is judged alone is told in those.
+    #[must_use]
     pub fn as_recorded(mut self) -> Self {
         let positions = [Target::OpeningCommand, Target::SpoolPosition, Target::ServomotorPosition];
         for signal in self.signals.iter_mut().filter(|signal| positions.contains(&signal.target)) {

@@ -58,6 +58,7 @@ impl Hyperparameters {
     }
 
     /// The learned ones moved by so much along their logarithms, within what they may be.
+    #[must_use]
     pub fn moved(&self, by: &[f64; Self::LEARNED]) -> Self {
         let [tempering, rarity, further_share, equation_error, law_error, sheet_error, error_spread] = by.map(f64::exp);
         Self {

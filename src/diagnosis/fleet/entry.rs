@@ -94,6 +94,7 @@ impl Entry {
     }
 
     /// The same with its schema and key.
+    #[must_use]
     pub fn keyed(mut self, program: &str) -> Self {
         SCHEMA.clone_into(&mut self.schema);
         self.key = self.digest(program);

@@ -17,6 +17,7 @@ pub struct GeneratedStreams {
 
 impl GeneratedStreams {
     /// The same, so much later, ns.
+    #[must_use]
     pub fn later(self, by_ns: i64) -> Self {
         fn later<T>(stream: Vec<(i64, T)>, by_ns: i64) -> Vec<(i64, T)> {
             stream.into_iter().map(|(stamp_ns, value)| (stamp_ns + by_ns, value)).collect()

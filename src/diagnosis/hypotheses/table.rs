@@ -69,6 +69,7 @@ pub struct EvidenceTable {
 
 impl EvidenceTable {
     /// The same as one recording less would have it.
+    #[must_use]
     pub fn without(&self, recording: usize) -> Self {
         let mut table = self.clone();
         table.samples -= self.samples_of_each.get(recording).copied().unwrap_or(0.0);

@@ -12,7 +12,6 @@ use govtwin_model::units::nanos_from_seconds;
 /// A trip that a slow recorder writes down with the next sample came up to one sample earlier. A servomotor at full speed makes a
 /// hundredth of its stroke in that time: taken at its stamp, the trip would pass for a fault. `recorded` are the recordings before any trip was moved, so that
 /// a trip that was moved too far comes back.
-#[must_use]
 pub fn placed(problem: &Problem, recorded: &[PreparedRecording], unit: &Unit) -> Option<Vec<PreparedRecording>> {
     let mut any = false;
     let recordings = recorded

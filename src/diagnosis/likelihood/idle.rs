@@ -13,7 +13,6 @@ const KEPT_S: (f64, f64) = (15.0, 5.0);
 const LEAST_CUT_S: f64 = 10.0;
 
 /// The rows that a fit may pass over, in their order; a row behind each is still at rest. Without a command there are none.
-#[must_use]
 pub fn idle_segments(frames: &[Frame]) -> Vec<Range<usize>> {
     let mut idle_segments = Vec::new();
     let Some(first) = frames.first() else { return idle_segments };

@@ -28,20 +28,17 @@ impl Kick {
     /// the signal, its unit per pu.
     ///
     /// All kicks together have the variance of the demand. Where decisions leave the dead band often, every sample shows some.
-    #[must_use]
     pub fn new(demand_sd_pu: f64, step_pu: f64, gain: f64) -> Self {
         let (demand_square, probability) = demand(demand_sd_pu, step_pu);
         Self { probability, square: gain * gain * demand_square / probability }
     }
 
     /// Mean variance that kicks add, in the signal's unit squared.
-    #[must_use]
     pub fn mean_square(&self) -> f64 {
         self.probability * self.square
     }
 
     /// How innovations count whose variance without a kick is this.
-    #[must_use]
     pub fn over(&self, plain_square: f64) -> Contaminated {
         let wider = 1.0 + self.square / plain_square;
         let (plain, kicked) = (1.0 - self.probability, self.probability / wider.sqrt());
@@ -55,7 +52,6 @@ impl Kick {
 }
 
 /// Probability that a sample shows a kick, of a demand's standard deviation, pu, and of the step at the edge of the dead band, pu.
-#[must_use]
 pub fn probability(demand_sd_pu: f64, step_pu: f64) -> f64 {
     demand(demand_sd_pu, step_pu).1
 }
@@ -83,13 +79,11 @@ pub struct Contaminated {
 
 impl Contaminated {
     /// One over the standard deviation of the normal density that is as high.
-    #[must_use]
     pub fn height(&self) -> f64 {
         self.scale * self.density
     }
 
     /// The number whose square is twice the fall of the log density from its height, and the probability that there was no kick.
-    #[must_use]
     pub fn judge(&self, innovation: f64) -> (f64, f64) {
         let narrow = (innovation * self.scale).powi(2);
         let wide = narrow / self.wider;
@@ -99,7 +93,6 @@ impl Contaminated {
     }
 
     /// Mean square of that number where the model is right: 1 where no sample shows a kick, or every one.
-    #[must_use]
     pub fn mean_square(&self) -> f64 {
         let mean = |deviation: f64| {
             let squares = QUANTILES.map(|quantile| self.judge(quantile * deviation).0.powi(2));

@@ -60,7 +60,6 @@ pub struct LimitCycles {
 }
 
 /// Looks for stretches in which any signal of a recording is in a limit cycle and the reference is not; then all of them are. One for each signal.
-#[must_use]
 pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> {
     let count = looks.first().map_or(0, |look| look.measured.len());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
@@ -126,7 +125,6 @@ impl ComparedBlock {
 
 impl LimitCycles {
     /// Of a signal without a loop that could cycle.
-    #[must_use]
     pub fn none(look: &SignalSamples) -> Self {
         Self { blocks: Vec::new(), octaves: 0, ignored_squares: vec![0.0; look.measured.len()] }
     }
@@ -145,13 +143,11 @@ impl LimitCycles {
     }
 
     /// How many samples are in a limit cycle.
-    #[must_use]
     pub fn samples(&self) -> usize {
         self.blocks.iter().map(|block| block.samples.len()).sum()
     }
 
     /// Squares of residuals at each sample, as far as two runs can be in step: of a limit cycle that of its loudness, octave by octave, and of its mean.
-    #[must_use]
     pub fn squares(&self, measured: &[f64], simulated: &[f64]) -> Vec<f64> {
         let mut squares: Vec<f64> = measured.iter().zip(simulated).map(|(a, b)| (a - b).powi(2)).collect();
         for block in &self.blocks {

@@ -29,13 +29,11 @@ const LIKELIER: f64 = 20.0;
 const SPOILED: [(f64, f64); 5] = [(0.6, 1.0), (0.1, 4.0), (0.1, 16.0), (0.1, 64.0), (0.1, 256.0)];
 
 /// The problem with the noise inside the loop that a unit's spool most probably has, laid out along that unit; as it is where no spool was measured.
-#[must_use]
 pub fn heard(problem: Problem, unit: &Unit) -> Problem {
     likeliest(&problem, unit).unwrap_or(problem)
 }
 
 /// The same where the noise laid out along this unit makes its residuals so much likelier that all fits should count by it; else none.
-#[must_use]
 pub fn likelier(problem: &Problem, unit: &Unit) -> Option<Problem> {
     let log_likelihood = |problem: &Problem| {
         let residuals = problem.residuals_of(std::slice::from_ref(unit)).pop().unwrap_or_default();

@@ -10,7 +10,6 @@ use govtwin_model::signal::Signal;
 const HIDDEN: f64 = 1.25;
 
 /// Logarithm of the sum of exponentials.
-#[must_use]
 pub(crate) fn log_sum(values: impl IntoIterator<Item = f64>) -> f64 {
     let values: Vec<f64> = values.into_iter().collect();
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -92,7 +91,6 @@ impl SignalNoise {
 pub type Noise = [SignalNoise; Signal::ALL.len()];
 
 /// The noise to expect of a unit with these transducers.
-#[must_use]
 pub fn expected(sensors: &Sensors) -> Noise {
     Signal::ALL.map(|signal| {
         let sensor = signal.sensor(sensors);
@@ -142,7 +140,6 @@ pub struct Variances {
 impl Variances {
     /// Along a reference's estimates; `moved` are those with the spool's stops a little off, and `step_pu` is the demand at the edge of the
     /// regulator's dead band.
-    #[must_use]
     pub fn new(
         recording: &PreparedRecording,
         signal: Signal,
@@ -169,7 +166,6 @@ impl Variances {
     }
 
     /// All together, but for sudden events.
-    #[must_use]
     pub fn sums(&self) -> Vec<f64> {
         let kicks = self.kicks.iter().map(Kick::mean_square).chain(std::iter::repeat(0.0));
         let plain = self.white.iter().zip(&self.drift).map(|(white, drift)| white + drift + self.wander);

@@ -46,7 +46,6 @@ pub struct PreparedRecording {
 
 impl PreparedRecording {
     /// Prepares a recording; of a long rest it keeps beginning and end.
-    #[must_use]
     pub fn new(mut recording: Recording) -> Self {
         let idle_segments = idle_segments(&recording.frames);
         let seams = leave_out(&mut recording.frames, &idle_segments);
@@ -92,14 +91,12 @@ impl PreparedRecording {
     /// Prepares a recording whose measured spool drives the servomotor stage, which is then all that is judged.
     ///
     /// Between its samples the spool runs straight. Rests stay: inside the overlap the spool may move while command and servomotor stand still.
-    #[must_use]
     pub fn servomotor_stage(mut recording: Recording) -> Self {
         join_spool(&mut recording.frames);
         Self::free_run(recording)
     }
 
     /// The same of a recording whose every row holds a spool position; rows before the first that holds the servomotor's are what drove it before.
-    #[must_use]
     pub(crate) fn free_run(recording: Recording) -> Self {
         let mut recording = Self::with_seams(recording, Vec::new());
         recording.samples.retain(|&row| recording.frames[row].measured.servomotor_position_pu.is_finite());
@@ -120,13 +117,11 @@ impl PreparedRecording {
     }
 
     /// Whether its samples are so far apart that nobody knows what drives the unit between them.
-    #[must_use]
     pub(crate) fn is_slow(&self) -> bool {
         is_slow(self.period_s)
     }
 
     /// Whether its recorded spool drives all that is judged.
-    #[must_use]
     pub(crate) fn is_driven(&self) -> bool {
         self.cut == Cut::Spool
     }
@@ -137,25 +132,21 @@ impl PreparedRecording {
     }
 
     /// Place of a signal among those that were measured; none where it was not.
-    #[must_use]
     pub fn place(&self, signal: Signal) -> Option<usize> {
         self.signals().position(|other| other == signal)
     }
 
     /// Place of a sample among the residuals: one signal behind another, then what compares limit cycles.
-    #[must_use]
     pub fn residual(&self, place: usize, sample: usize) -> usize {
         place * self.samples.len() + sample
     }
 
     /// A signal as measured at each sample; not a number where it was not.
-    #[must_use]
     pub fn measured(&self, signal: Signal) -> Vec<f64> {
         self.samples.iter().map(|&row| signal.of(&self.frames[row].measured)).collect()
     }
 
     /// Time of a sample since the first row, s; of a stage since its first sample, before which there is only what drove it.
-    #[must_use]
     pub(crate) fn time_s(&self, sample: usize) -> f64 {
         let first = if self.is_driven() { self.samples[0] } else { 0 };
         seconds_from_nanos(self.frames[self.samples[sample]].time_ns - self.frames[first].time_ns)
@@ -163,7 +154,6 @@ impl PreparedRecording {
 
     /// Speed of a signal at each sample, from so long before to as long after: noise of neighbouring samples is no speed. Not a number where it was not
     /// measured.
-    #[must_use]
     pub(crate) fn speeds(&self, signal: Signal, reach_s: f64) -> Vec<f64> {
         let measured = self.measured(signal);
         let (reach, last) = (self.samples_in(reach_s), measured.len().saturating_sub(1));
@@ -176,7 +166,6 @@ impl PreparedRecording {
     }
 
     /// Time since the sample before, s; 0 for the first.
-    #[must_use]
     pub fn steps_s(&self) -> Vec<f64> {
         let times_ns = self.samples.iter().map(|&row| self.frames[row].time_ns);
         let before_ns = times_ns.clone().take(1).chain(times_ns.clone());
@@ -184,14 +173,12 @@ impl PreparedRecording {
     }
 
     /// How many samples a time holds, one at least.
-    #[must_use]
     pub(crate) fn samples_in(&self, time_s: f64) -> usize {
         let period_ns = nanos_from_seconds(self.period_s).max(1);
         usize::try_from((nanos_from_seconds(time_s) + period_ns / 2) / period_ns).unwrap_or(1).max(1)
     }
 
     /// Simulates the recording; one estimate for each sample.
-    #[must_use]
     pub fn run(&self, twin: &mut Twin) -> Vec<Estimate> {
         twin.reset();
         let mut estimates = Vec::with_capacity(self.samples.len());
@@ -206,19 +193,16 @@ impl PreparedRecording {
     }
 
     /// Simulates it by several twins, side by side where they fit; for each the same as by itself.
-    #[must_use]
     pub fn run_batch(&self, twins: &mut [Twin]) -> Vec<Vec<Estimate>> {
         in_batches(twins, |width, twins| self.run_batch_of(width, twins), |twin| self.run(twin))
     }
 
     /// The same in lanes of a width, of no more twins than it has lanes, which must fit side by side.
-    #[must_use]
     pub fn run_batch_of(&self, width: Width, twins: &mut [Twin]) -> Vec<Vec<Estimate>> {
         batch::estimates(width, twins, self.rows_of(twins))
     }
 
     /// The same without all but the signals that were measured: for each twin those of [`Signal::ALL`] at each sample, empty where unwanted.
-    #[must_use]
     pub fn traces(&self, twins: &mut [Twin]) -> Vec<Traces> {
         let side_by_side =
             |width: Width, twins: &mut [Twin]| batch::signals(width, twins, self.rows_of(twins), self.has);

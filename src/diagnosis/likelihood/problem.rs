@@ -59,7 +59,6 @@ impl Judge<Unit> for Problem {
 
 impl Problem {
     /// Prepares recordings; the noise is laid out along a reference unit's simulation.
-    #[must_use]
     pub fn new(recordings: Vec<PreparedRecording>, reference: &Unit, noise: &Noise) -> Self {
         let problem = Self {
             recordings,
@@ -102,7 +101,6 @@ impl Problem {
     }
 
     /// Twice the logarithm of how wide the noise is, over all samples: what a likelihood charges for a noise that excuses more.
-    #[must_use]
     pub fn width(&self) -> f64 {
         self.whiteners.iter().flatten().map(Whitener::width).sum()
     }
@@ -122,14 +120,12 @@ impl Problem {
     }
 
     /// One recording through the mean twin of a unit.
-    #[must_use]
     pub fn simulate(&self, unit: &Unit, recording: usize) -> Vec<Estimate> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
         self.recordings[recording].run(&mut self.prepared(twin_of(unit), recording))
     }
 
     /// All recordings through the mean twins of several units, in parallel: for each unit its estimates by recording.
-    #[must_use]
     pub fn simulate_all(&self, units: &[Unit]) -> Vec<Vec<Vec<Estimate>>> {
         let twins: Vec<Twin> = units.iter().map(twin_of).collect();
         self.of_all(&twins, |recording, twins| self.recordings[recording].run_batch(twins))
@@ -165,19 +161,16 @@ impl Problem {
     }
 
     /// How many recordings were simulated so far.
-    #[must_use]
     pub fn simulations(&self) -> usize {
         self.simulations.load(Ordering::Relaxed)
     }
 
     /// The same problem, its noise not laid out, with other noise to expect of the signals.
-    #[must_use]
     pub(crate) fn with_noise(&self, noise: Noise) -> Self {
         Self { noise, ..self.of(self.recordings.clone(), Vec::new()) }
     }
 
     /// Noise inside the loop over that of one reading.
-    #[must_use]
     pub fn loop_noise_ratio(&self) -> f64 {
         self.loop_noise_ratio
     }
@@ -189,13 +182,11 @@ impl Problem {
     }
 
     /// Noise inside the loop over which the twin is a mean, pu: what the regulator hears of its transducer's, and what a slow recorder does not show of the command.
-    #[must_use]
     pub fn dither_pu(&self, recording: usize) -> f64 {
         (self.loop_noise_ratio * self.reading_noise_pu).hypot(self.recordings[recording].command_jitter_pu)
     }
 
     /// Mean square that a right model would leave of a signal in a recording, in its unit squared; 0 where it was not measured.
-    #[must_use]
     pub(crate) fn floor_square(&self, recording: usize, signal: Signal) -> f64 {
         self.recordings[recording].place(signal).map_or(0.0, |place| self.whiteners[recording][place].floor_square)
     }
@@ -203,7 +194,6 @@ impl Problem {
     /// Squared residuals of a signal in a recording at each sample, in its unit squared; in a limit cycle, those of its loudness.
     ///
     /// Not a number where it was not measured; none where it never was.
-    #[must_use]
     pub fn squares(&self, recording: usize, signal: Signal, estimates: &[Estimate]) -> Option<Vec<f64>> {
         let place = self.recordings[recording].place(signal)?;
         let simulated = signal.of_estimates(estimates);
@@ -215,32 +205,27 @@ impl Problem {
     }
 
     /// Whether any recording has samples so far apart that nobody knows what drives the unit between them.
-    #[must_use]
     pub(crate) fn is_slow(&self) -> bool {
         self.recordings.iter().any(PreparedRecording::is_slow)
     }
 
     /// Independent samples, all recordings and signals together; one that may hold a kick counts as it costs a right model.
-    #[must_use]
     pub(crate) fn independent_samples(&self) -> f64 {
         let whiteners = self.whiteners.iter().flatten();
         whiteners.map(|whitener| whitener.expected_square() * whitener.share).sum()
     }
 
     /// Sum of squares that innovations of a signal in a recording have where the model is right; see [`Self::innovations`].
-    #[must_use]
     pub(crate) fn expected_square(&self, recording: usize, signal: Signal) -> f64 {
         self.recordings[recording].place(signal).map_or(0.0, |place| self.whiteners[recording][place].expected_square())
     }
 
     /// The cost that a right model has: one for each independent sample, the noise being a little generous.
-    #[must_use]
     pub fn expected_cost(&self) -> f64 {
         SOUND_MEAN_SQUARE * self.independent_samples()
     }
 
     /// For how long a recording is in a limit cycle, s.
-    #[must_use]
     pub fn limit_cycles_s(&self, recording: usize) -> f64 {
         let samples =
             self.whiteners[recording].iter().map(|whitener| whitener.limit_cycles.samples()).max().unwrap_or(0);
@@ -248,13 +233,11 @@ impl Problem {
     }
 
     /// Whether any recording holds limit cycles.
-    #[must_use]
     pub fn chatters(&self) -> bool {
         (0..self.recordings.len()).any(|recording| self.limit_cycles_s(recording) > 0.0)
     }
 
     /// Which recordings are in a limit cycle and for how long, in a sentence.
-    #[must_use]
     pub fn limit_cycle_note(&self) -> Option<String> {
         let times =
             self.recordings.iter().enumerate().map(|(index, recording)| (&recording.name, self.limit_cycles_s(index)));
@@ -272,13 +255,11 @@ impl Problem {
     }
 
     /// Residuals of a unit in one recording.
-    #[must_use]
     pub fn residuals(&self, unit: &Unit, recording: usize) -> DVector<f64> {
         self.residuals_in(&self.recordings[recording], twin_of(unit), recording)
     }
 
     /// The same in another version of a recording, with other inputs but the same samples.
-    #[must_use]
     pub(crate) fn residuals_in(&self, data: &PreparedRecording, twin: Twin, index: usize) -> DVector<f64> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
         let traces = data.traces(&mut [self.prepared(twin, index)]).pop().unwrap_or_default();
@@ -304,7 +285,6 @@ impl Problem {
     }
 
     /// Normalised innovations of a signal in a recording, of its residuals there: each sample over what it may leave, outliers by their size.
-    #[must_use]
     pub fn innovations(&self, recording: usize, signal: Signal, residuals: &DVector<f64>) -> Vec<f64> {
         let data = &self.recordings[recording];
         let Some(place) = data.place(signal) else { return Vec::new() };
@@ -315,7 +295,6 @@ impl Problem {
     }
 
     /// One over the standard deviation that each innovation of a signal in a recording is divided by.
-    #[must_use]
     pub fn scales(&self, recording: usize, signal: Signal) -> Vec<f64> {
         self.recordings[recording]
             .place(signal)
@@ -323,20 +302,17 @@ impl Problem {
     }
 
     /// Independent samples per sample of a recording.
-    #[must_use]
     pub fn share(&self, recording: usize) -> f64 {
         independent_share(self.recordings[recording].unit_period_s())
     }
 
     /// Residuals of several units in all recordings, in parallel, in order.
-    #[must_use]
     pub fn residuals_of(&self, units: &[Unit]) -> Vec<Residuals> {
         let twins: Vec<Twin> = units.iter().map(twin_of).collect();
         self.residuals_of_twins(&twins)
     }
 
     /// The same of twins that no unit describes, such as those with terms of their own; each recording sets their cut.
-    #[must_use]
     pub fn residuals_of_twins(&self, twins: &[Twin]) -> Vec<Residuals> {
         self.of_all(twins, |recording, twins| {
             let data = &self.recordings[recording];
@@ -369,7 +345,6 @@ impl Problem {
 }
 
 /// The twin of a unit as it is compared with recordings.
-#[must_use]
 pub fn twin_of(unit: &Unit) -> Twin {
     Twin::with_method(unit, METHOD)
 }

@@ -18,7 +18,6 @@ const CORRELATION_TIME_S: f64 = 0.19;
 const MOST_INDEPENDENT: f64 = 0.05;
 
 /// Independent samples per sample of a recording with this sampling period.
-#[must_use]
 pub fn independent_share(period_s: f64) -> f64 {
     (period_s / (period_s + CORRELATION_TIME_S)).min(MOST_INDEPENDENT)
 }
@@ -54,7 +53,6 @@ pub struct Whitener {
 
 /// The filters of all signals that a recording has, in their order; the noise is laid out along a reference's estimates, `moved` are those with
 /// the spool's stops a little off, and `step_pu` is the demand at the edge of the regulator's dead band.
-#[must_use]
 pub fn whiteners(
     recording: &PreparedRecording,
     noise: &Noise,
@@ -128,13 +126,11 @@ impl Whitener {
     }
 
     /// Twice the logarithm of the standard deviation, over all samples, raised as the likelihood is.
-    #[must_use]
     pub fn width(&self) -> f64 {
         self.scale.iter().filter(|scale| **scale > 0.0).map(|scale| -2.0 * scale.ln() * self.share).sum()
     }
 
     /// One over the standard deviation of each innovation, where there was a sample.
-    #[must_use]
     pub fn scales(&self) -> Vec<f64> {
         self.scale.iter().copied().filter(|scale| *scale > 0.0).collect()
     }
@@ -145,7 +141,6 @@ impl Whitener {
     }
 
     /// Mean square of the innovations over their standard deviation where the model is right, summed over all samples.
-    #[must_use]
     pub fn expected_square(&self) -> f64 {
         let seen = |&(_, scale): &(usize, &f64)| *scale > 0.0;
         let of = |(k, _): (usize, &f64)| self.kicked.get(k).map_or(1.0, Contaminated::mean_square);

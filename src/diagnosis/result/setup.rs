@@ -22,6 +22,7 @@ impl Setup {
     pub const ALL: [Self; 4] = [Self::Chain, Self::AssumedSheet, Self::Stage, Self::StageFree];
 
     /// The same, or the stage alone where no recording holds the command that a chain needs.
+    #[must_use]
     pub fn for_recordings(self, recordings: &[Recording]) -> Self {
         match self {
             Self::Chain | Self::AssumedSheet if !recordings.iter().any(Recording::has_command) => Self::Stage,

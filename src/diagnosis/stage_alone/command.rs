@@ -29,7 +29,6 @@ pub struct Deviation {
 
 impl Deviation {
     /// The deviation at a command and a position.
-    #[must_use]
     pub fn of(self, command: f64, position: f64) -> f64 {
         self.gain * command + self.level - position
     }

@@ -40,7 +40,6 @@ pub(crate) fn told_apart(recordings: &[Recording], law: &Plain) -> Option<(Follo
 ///
 /// Over a long run the sum of small errors drifts away, which a position that settles never does: another law than the sum must predict better over
 /// the time of one travel as well.
-#[must_use]
 pub fn follows(runs: &[Run], law: &Plain) -> Option<(Follows, [f64; 3])> {
     let runs: Vec<Run> = runs.iter().map(|run| run.thinned(LOOKED_AT)).collect();
     let travel_s = travel_s(&runs);

@@ -37,7 +37,6 @@ fn span<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
 }
 
 /// Corners of the broken line: at even shares of the spool's samples, at the ends of the plain law's dead band, and where it saturates.
-#[must_use]
 pub fn corners(runs: &[Run], law: &Plain) -> Vec<f64> {
     let mut spools: Vec<f64> = runs.iter().flat_map(|run| run.spool.iter().copied()).collect();
     spools.sort_by(f64::total_cmp);
@@ -57,7 +56,6 @@ pub fn broken_line(corners: &[f64]) -> impl Fn(f64, f64) -> Vec<f64> {
 }
 
 /// Fits the model; none where the runs hold too little, or nothing moves.
-#[must_use]
 pub fn flexible(runs: &[Run], law: &Plain) -> Option<Flexible> {
     let spools = || runs.iter().flat_map(|run| run.spool.iter());
     let count = spools().count();

@@ -14,7 +14,6 @@ const LEAD_OF_PIECE: f64 = 0.25;
 const FEWEST: usize = 50;
 
 /// Cuts recordings into no more than so many pieces altogether, one of each recording at least; each with what drove it for a while before.
-#[must_use]
 pub fn pieces(recordings: &[Recording], most: usize) -> Vec<Recording> {
     let most = (most / recordings.len().max(1)).max(1);
     let mut all = Vec::new();
@@ -37,7 +36,6 @@ pub fn pieces(recordings: &[Recording], most: usize) -> Vec<Recording> {
 /// Free runs of a length, one behind another, without what is left over at the end, s; each with what drove it for a while before.
 ///
 /// What drove a recording before it began nobody knows, so that its first run begins as much later, unless it `begins_at_rest`.
-#[must_use]
 pub fn windows(recording: &Recording, length_s: f64, begins_at_rest: bool) -> Vec<Recording> {
     let lead = if begins_at_rest { 0.0 } else { LEAD };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
@@ -66,7 +64,6 @@ fn behind(recording: &Recording, name: String, rows: Range<usize>, lead_s: f64) 
 }
 
 /// How long a recording is, s.
-#[must_use]
 pub fn length_s_of(recording: &Recording) -> f64 {
     match recording.frames.as_slice() {
         [first, .., last] => seconds_from_nanos(last.time_ns - first.time_ns),

@@ -64,7 +64,6 @@ fn lag_at([delay_s, constant_s, ..]: SearchPlace) -> Lag {
 
 impl Plain {
     /// Position at each sample of a run from its first.
-    #[must_use]
     pub(crate) fn simulated(&self, run: &Run) -> Vec<f64> {
         let spool = run.lagged(self.lag);
         let mut at = run.opening[0];
@@ -81,7 +80,6 @@ impl Plain {
     }
 
     /// The same law of channels that are read in pu.
-    #[must_use]
     pub(crate) fn in_pu(self, spool: ChannelReading, opening: ChannelReading) -> Self {
         let [mut above_1_s, mut below_1_s] =
             [self.above_1_s, self.below_1_s].map(|gain| gain * opening.scale_pu / spool.scale_pu);
@@ -93,7 +91,6 @@ impl Plain {
     }
 
     /// Speed at a spool position, in the opening's unit per second.
-    #[must_use]
     pub(crate) fn speed(&self, spool: f64) -> f64 {
         let [above, below] = beyond(self.place(), spool);
         self.above_1_s * above + self.below_1_s * below
@@ -115,13 +112,11 @@ pub(crate) struct Parts {
 }
 
 /// Fits the law; none where the spool stands still.
-#[must_use]
 pub fn plain(runs: &[Run]) -> Option<Plain> {
     plain_of(runs, Parts { band: true, lag: true })
 }
 
 /// Fits the law with some of its parts.
-#[must_use]
 pub(crate) fn plain_of(runs: &[Run], parts: Parts) -> Option<Plain> {
     let mut spools: Vec<f64> = runs.iter().flat_map(|run| run.spool.iter().copied()).collect();
     spools.sort_by(f64::total_cmp);

@@ -31,13 +31,11 @@ pub struct Lag {
 
 impl Lag {
     /// Later, and nothing else, s.
-    #[must_use]
     pub fn dead(delay_s: f64) -> Self {
         Self { delay_s, constant_s: 0.0 }
     }
 
     /// Settling at once, s.
-    #[must_use]
     pub fn settling(constant_s: f64) -> Self {
         Self { delay_s: 0.0, constant_s }
     }
@@ -54,7 +52,6 @@ impl Lag {
     }
 
     /// By how much it comes late in the end, s.
-    #[must_use]
     pub fn time_s(self) -> f64 {
         self.delay_s + self.constant_s
     }
@@ -75,7 +72,6 @@ pub struct Run {
 
 impl Run {
     /// The samples of a recording that hold both positions; none where there are fewer than three.
-    #[must_use]
     pub fn of(recording: &PreparedRecording) -> Option<Self> {
         let positions = [Signal::SpoolPosition, Signal::ServomotorPosition];
         Self::read(recording, |frame| positions.map(|signal| signal.of(&frame.measured)))
@@ -105,7 +101,6 @@ impl Run {
     }
 
     /// Those of several recordings.
-    #[must_use]
     pub fn all(recordings: &[PreparedRecording]) -> Vec<Self> {
         recordings.iter().filter_map(Self::of).collect()
     }
@@ -116,13 +111,11 @@ impl Run {
     }
 
     /// Its length, s.
-    #[must_use]
     pub fn length_s(&self) -> f64 {
         self.time_s.last().copied().unwrap_or(0.0)
     }
 
     /// The spool as it acts at each sample, behind a lag; straight between samples, and as at the beginning before it.
-    #[must_use]
     pub(crate) fn lagged(&self, lag: Lag) -> Vec<f64> {
         let mut driven = self.driven();
         settle(&mut driven, lag.constant_s);
@@ -157,7 +150,6 @@ impl Run {
     }
 
     /// Free runs of a length, one behind another, each from its own measured start, without what is left over at the end, s.
-    #[must_use]
     pub fn windows(&self, length_s: f64) -> Vec<Self> {
         let mut all = Vec::new();
         let mut from = 0;
@@ -210,7 +202,6 @@ fn settle(driven: &mut [(f64, f64)], constant_s: f64) {
 }
 
 /// Where a first-order lag stands after a step of time over which its goal runs straight from one value to another.
-#[must_use]
 pub(crate) fn settled(at: f64, [from, to]: [f64; 2], step_s: f64, constant_s: f64) -> f64 {
     if constant_s <= 0.0 || step_s <= 0.0 {
         return to;
@@ -220,14 +211,12 @@ pub(crate) fn settled(at: f64, [from, to]: [f64; 2], step_s: f64, constant_s: f6
 }
 
 /// Mean of what drives runs.
-#[must_use]
 pub(crate) fn mean_spool(runs: &[Run]) -> f64 {
     let spools = || runs.iter().flat_map(|run| run.spool.iter());
     spools().sum::<f64>() / spools().count().max(1) as f64
 }
 
 /// Greatest less least of what runs hold.
-#[must_use]
 pub(crate) fn travel(runs: &[Run], of: fn(&Run) -> &Vec<f64>) -> f64 {
     let values = runs.iter().flat_map(|run| of(run).iter());
     let ends = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
@@ -235,7 +224,6 @@ pub(crate) fn travel(runs: &[Run], of: fn(&Run) -> &Vec<f64>) -> f64 {
 }
 
 /// Typical length of runs, s.
-#[must_use]
 pub(crate) fn typical_s(runs: &[Run]) -> f64 {
     let mut lengths: Vec<f64> = runs.iter().map(Run::length_s).collect();
     lengths.sort_by(f64::total_cmp);
@@ -290,7 +278,6 @@ impl SpoolLaw<'_> {
     }
 
     /// Its normal equations in each run.
-    #[must_use]
     pub(crate) fn normals(&self, runs: &[Run]) -> Vec<RunEquations> {
         let width = (self.shapes)(0.0, 0.0).len();
         let of = |run: &Run| {
@@ -312,7 +299,6 @@ impl SpoolLaw<'_> {
     }
 
     /// What it residuals in a run with these coefficients, sample by sample from the second.
-    #[must_use]
     pub fn residuals(&self, run: &Run, coefficients: &DVector<f64>) -> Vec<f64> {
         let mut residuals = Vec::with_capacity(run.time_s.len());
         self.each(run, &mut |sums, goal| {
@@ -324,7 +310,6 @@ impl SpoolLaw<'_> {
 
 impl RunEquations {
     /// Sum of squares that the run residuals with these coefficients.
-    #[must_use]
     pub fn missed(&self, coefficients: &DVector<f64>) -> f64 {
         let said = coefficients.dot(&(&self.hessian * coefficients));
         (self.square - 2.0 * coefficients.dot(&self.gradient) + said).max(0.0)
@@ -332,7 +317,6 @@ impl RunEquations {
 }
 
 /// The coefficients that are best for some runs; none where nothing determines them.
-#[must_use]
 pub fn solved<'a>(normals: impl Iterator<Item = &'a RunEquations>) -> Option<DVector<f64>> {
     let (hessian, gradient) = summed(normals)?;
     solution(&hessian, &gradient)
@@ -355,7 +339,6 @@ fn solution(hessian: &DMatrix<f64>, gradient: &DVector<f64>) -> Option<DVector<f
 }
 
 /// Sum of squares that is missed in each run by a fit to the others; a single run is judged by its own.
-#[must_use]
 pub fn left_out(normals: &[RunEquations]) -> Option<f64> {
     let (hessian, gradient) = summed(normals.iter())?;
     let mut missed = 0.0;

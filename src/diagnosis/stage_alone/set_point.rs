@@ -62,7 +62,6 @@ pub(crate) struct SetPoint {
 
 impl SetPoint {
     /// Position at each sample of a run from its first; the run holds the command in the spool's place.
-    #[must_use]
     pub(crate) fn simulated(&self, run: &Run) -> Vec<f64> {
         let goal = |command: f64| self.gain * command + self.level;
         let mut at = run.opening[0];
@@ -95,7 +94,6 @@ impl SetPoint {
     }
 
     /// Fits the law with delay, rate limits and play, or as a first-order lag without; none where the command stands still.
-    #[must_use]
     pub(crate) fn fitted(runs: &[Run], with_limits: bool) -> Option<Self> {
         let count: usize = runs.iter().map(|run| run.time_s.len()).sum();
         let of = |run: &Run| run.thinned((LOOKED_AT * run.time_s.len()).div_ceil(count.max(1)));

@@ -81,7 +81,6 @@ pub struct Sheetless {
 ///
 /// All that follows sees positions in pu of what was travelled, about the zero of the spool that the plain law finds, so that scale, offset and sign
 /// of either channel make no difference. A spool that acts half a row late or more is taken as held from row to row where it may be.
-#[must_use]
 pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit, may_hold: bool) -> Option<Sheetless> {
     for recording in &mut whole {
         join_spool(&mut recording.frames);
@@ -200,13 +199,11 @@ fn free_parameters(unit: &Unit) -> Vec<FreeParameter> {
 }
 
 /// True for an effect that means something in a unit of unknown size.
-#[must_use]
 pub(crate) fn means_something(id: &str) -> bool {
     !UNITS_ONLY.contains(&id)
 }
 
 /// True for a parameter that acts behind the spool.
-#[must_use]
 pub(crate) fn acts_behind_the_spool(free_parameter: &FreeParameter) -> bool {
     let FreeParameter::Parameter { index, .. } = free_parameter else { return true };
     let key = ENTRIES[*index].key;

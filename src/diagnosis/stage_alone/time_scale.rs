@@ -17,7 +17,6 @@ const SHARES: (f64, f64) = (0.01, 0.1175);
 const LOOKED_AT: usize = 20_000;
 
 /// How long free runs are, s, of recordings as a whole.
-#[must_use]
 pub(crate) fn free_run_s(whole: &[Run]) -> f64 {
     let recorded_s: f64 = whole.iter().map(Run::length_s).sum();
     let movement_s = movement_s(whole).unwrap_or(recorded_s);

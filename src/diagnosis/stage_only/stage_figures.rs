@@ -60,7 +60,6 @@ pub(crate) struct PlainLaw<'a> {
 }
 
 /// The figures of a model; `recordings` tell how far the spool went.
-#[must_use]
 pub fn stage_figures(model: &FittedModel, law: &Plain, recordings: &[PreparedRecording]) -> Vec<StageFigure> {
     told(fitted(model, law, recordings, None))
 }
@@ -71,7 +70,6 @@ pub fn stage_figures(model: &FittedModel, law: &Plain, recordings: &[PreparedRec
 ///
 /// Where one of the two predicts clearly better, its figures are given, else the mean of both: what their laws differ by is part of the interval, as of
 /// two laws that are equally likely (Hoeting et al. 1999, *Bayesian Model Averaging: A Tutorial*).
-#[must_use]
 pub(crate) fn sheetless_figures(
     model: &FittedModel,
     law: &Plain,

@@ -119,6 +119,7 @@ impl Excerpts {
     }
 
     /// The same, whole up to [`MOST_ROWS`] however long it lasted.
+    #[must_use]
     pub fn by_rows(self) -> Self {
         Self { by_rows: true, ..self }
     }
