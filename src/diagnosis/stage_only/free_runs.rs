@@ -33,7 +33,7 @@ const SUMS_UP: f64 = 0.5;
 /// Share of the squared error, of what a plain model of the same law closes, that named effects must close beside it.
 const NEARLY: f64 = 0.9;
 /// Share of the same as logarithms: an effect that stands for another, such as a lag for a dead time, leaves many times what that would.
-const HALF: f64 = 0.5;
+const THIRD: f64 = 1.0 / 3.0;
 
 /// The models in free runs.
 #[derive(Clone, Debug, Default)]
@@ -205,7 +205,7 @@ impl Compared {
         let plain = self.winner()?;
         let squares = [without, with, plain].map(|model| model.held_out.powi(2));
         let closes = squares[0] - squares[1] >= NEARLY * (squares[0] - squares[2])
-            && (squares[0] / squares[1]).ln() >= HALF * (squares[0] / squares[2]).ln();
+            && (squares[0] / squares[1]).ln() >= THIRD * (squares[0] / squares[2]).ln();
         let same_law = PlainKind::titled(&plain.model).is_some_and(PlainKind::is_law_of_the_stage);
         (!same_law || !closes)
             .then(|| format!("the plain model \"{}\" predicts both halves better than the stage with it", plain.model))
