@@ -26,12 +26,14 @@ use super::output::say;
 use excerpts::Taken;
 use pressure::other_unit;
 
+use doubt::Doubt;
 pub use doubt::doubts;
-use doubt::{Doubt, doubts_of_channels};
 #[cfg(feature = "lab")]
 pub use find::holds_bags;
 pub use find::{find, is_bag_folder};
+use position_scale::PositionScale;
 pub use pressure::doubt_of_pressure;
+use spool_scale::doubt_of_spool;
 use time_scale::TimeScale;
 
 /// One bag to read.
@@ -288,21 +290,28 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
     let some_measured = loaded.iter().flatten().any(|taken| !is_own(taken));
     let can_tell = |taken: &&Taken| timed && !is_own(taken) && taken.health.disqualified().is_none();
     let scale = |taken: &Taken| TimeScale::most(&taken.recordings, unit);
-    let channels = |taken: &Taken| {
-        taken.recordings.iter().map(|recording| doubts_of_channels(recording, unit)).find(|all| !all.is_empty())
-    };
-    let scales: Vec<(Option<TimeScale>, Vec<Doubt>)> = loaded
+    let spool = |taken: &Taken| taken.recordings.iter().find_map(|recording| doubt_of_spool(recording, unit));
+    let position = |taken: &Taken| taken.recordings.iter().find_map(|recording| PositionScale::of(recording, unit));
+    let scales: Vec<(Option<TimeScale>, Option<Doubt>, Option<PositionScale>)> = loaded
         .par_iter()
         .map(|taken| {
             let taken = taken.as_ref().ok().filter(can_tell);
-            (taken.and_then(scale), taken.and_then(channels).unwrap_or_default())
+            (taken.and_then(scale), taken.and_then(spool), taken.and_then(position))
         })
         .collect();
-    let agree = TimeScale::agree(scales.iter().filter_map(|(scale, _)| scale.as_ref()));
-    for ((bag, taken), (scale, channels)) in bags.into_iter().zip(loaded).zip(scales) {
+    // A channel that is scaled in one recording is so in those of the same set that can tell less.
+    let position = scales.iter().find_map(|(_, _, position)| *position);
+    let also = |taken: &Taken| {
+        let position = position?;
+        taken.recordings.iter().find_map(|recording| position.also_in(recording, unit))
+    };
+    let agree = TimeScale::agree(scales.iter().filter_map(|(scale, ..)| scale.as_ref()));
+    for ((bag, taken), (scale, spool, position)) in bags.into_iter().zip(loaded).zip(scales) {
         let Bag { path, name } = bag;
         let scaled = scale.filter(TimeScale::is_other).map(|scale| scale.words(!agree));
-        let (refusing, noted): (Vec<Doubt>, Vec<Doubt>) = channels.into_iter().partition(Doubt::refuses);
+        let position = position.or_else(|| taken.as_ref().ok().filter(can_tell).and_then(also));
+        let channels = spool.into_iter().chain(position.map(|scale| scale.doubt()));
+        let (refusing, noted): (Vec<Doubt>, Vec<Doubt>) = channels.partition(Doubt::refuses);
         let near = scale.and_then(|scale| scale.doubt()).filter(Doubt::is_note);
         notes.extend(noted.into_iter().chain(near).map(|doubt| format!("{name}: {}", doubt.words)));
         let other = scaled.clone().filter(|_| agree).or(refusing.into_iter().next().map(|doubt| doubt.words));

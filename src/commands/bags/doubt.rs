@@ -4,7 +4,7 @@ use govtwin_bag::Severity;
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
 
-use super::position_scale::doubt_of_position;
+use super::position_scale::PositionScale;
 use super::spool_scale::doubt_of_spool;
 use super::time_scale::TimeScale;
 
@@ -39,14 +39,10 @@ impl Doubt {
     }
 }
 
-/// What a sheet says against the channels of a recording.
-pub(super) fn doubts_of_channels(recording: &Recording, unit: &Unit) -> Vec<Doubt> {
-    doubt_of_spool(recording, unit).into_iter().chain(doubt_of_position(recording, unit)).collect()
-}
-
 /// What a sheet says against a recording that is looked at alone: warnings, and notes.
 pub fn doubts(recording: &Recording, unit: &Unit) -> [Vec<String>; 2] {
-    let mut all = doubts_of_channels(recording, unit);
+    let mut all: Vec<Doubt> = doubt_of_spool(recording, unit).into_iter().collect();
+    all.extend(PositionScale::of(recording, unit).map(|scale| scale.doubt()));
     all.extend(TimeScale::of(recording, unit).and_then(|scale| scale.doubt()));
     let (notes, warnings): (Vec<_>, Vec<_>) = all.into_iter().partition(Doubt::is_note);
     [warnings, notes].map(|all| all.into_iter().map(|one| one.words).collect())

@@ -35,30 +35,54 @@ fn multiple(recording: &Recording) -> Option<f64> {
     (ratio.max(1.0 / ratio) > LEAST && left < LEFT * (squares - sum * sum / count)).then_some(ratio)
 }
 
-/// What is to be said of a position that reads on another scale; nothing where it does not, or the recording cannot tell.
-pub fn doubt_of_position(recording: &Recording, unit: &Unit) -> Option<Doubt> {
-    let recording = Recording::new("", beginning(recording).to_vec());
-    let ratio = multiple(&recording).filter(|_| recording.has_command())?;
-    // The variance that is left of both positions, and the servomotor's error, pu.
-    let taken = |times: f64, divided: f64| {
-        let mut changed = recording.clone();
-        for frame in &mut changed.frames {
-            frame.inputs.opening_command_pu *= times;
-            frame.measured.servomotor_position_pu /= divided;
-        }
-        let scores = Scores::of(&changed, &simulate(&mut Twin::new(unit), &changed));
-        let [servomotor, spool] = Signal::POSITIONS.map(|signal| scores.figures(signal));
-        let left = (1.0 - servomotor.r2) + if spool.r2.is_finite() { 1.0 - spool.r2 } else { 0.0 };
-        (left, servomotor.rmse * divided)
-    };
-    let ((left_gained, gained_pu), (left_scaled, scaled_pu)) = (taken(ratio, 1.0), taken(1.0, ratio));
-    (left_scaled < DOUBTFUL * left_gained.min(2.0)).then(|| {
+/// A servomotor position that reads so many times what it is.
+#[derive(Clone, Copy, Debug)]
+pub struct PositionScale {
+    ratio: f64,
+    /// The servomotor's error where the position is divided by that, and where the command is multiplied, pu.
+    scaled_pu: f64,
+    gained_pu: f64,
+}
+
+/// The variance that a twin leaves of both positions where the command is multiplied and the servomotor's position divided, and the servomotor's error, pu.
+fn left(recording: &Recording, unit: &Unit, times: f64, divided: f64) -> (f64, f64) {
+    let mut changed = recording.clone();
+    for frame in &mut changed.frames {
+        frame.inputs.opening_command_pu *= times;
+        frame.measured.servomotor_position_pu /= divided;
+    }
+    let scores = Scores::of(&changed, &simulate(&mut Twin::new(unit), &changed));
+    let [servomotor, spool] = Signal::POSITIONS.map(|signal| scores.figures(signal));
+    ((1.0 - servomotor.r2) + if spool.r2.is_finite() { 1.0 - spool.r2 } else { 0.0 }, servomotor.rmse * divided)
+}
+
+impl PositionScale {
+    /// That of a recording; none where the position reads on the scale of its stroke, or the recording cannot tell.
+    pub fn of(recording: &Recording, unit: &Unit) -> Option<Self> {
+        let recording = Recording::new("", beginning(recording).to_vec());
+        let ratio = multiple(&recording).filter(|_| recording.has_command())?;
+        let ((left_gained, gained_pu), (left_scaled, scaled_pu)) =
+            (left(&recording, unit, ratio, 1.0), left(&recording, unit, 1.0, ratio));
+        (left_scaled < DOUBTFUL * left_gained.min(2.0)).then_some(Self { ratio, scaled_pu, gained_pu })
+    }
+
+    /// The same scale in another recording of the same channel, where that explains it better than the governor's gain does, and than nothing.
+    pub fn also_in(self, recording: &Recording, unit: &Unit) -> Option<Self> {
+        let recording = Recording::new("", beginning(recording).to_vec());
+        let left = |times: f64, divided: f64| left(&recording, unit, times, divided);
+        let ((left_gained, gained_pu), (left_scaled, scaled_pu)) = (left(self.ratio, 1.0), left(1.0, self.ratio));
+        (left_scaled < left_gained.min(left(1.0, 1.0).0)).then_some(Self { scaled_pu, gained_pu, ..self })
+    }
+
+    /// What is to be said of it.
+    pub fn doubt(&self) -> Doubt {
         Doubt::refused(format!(
-            "{} goes {ratio:.2} times its command and as many times as fast as the sheet's servomotor with its spool (error of {:.2} % where the position is divided \
+            "{} goes {:.2} times its command and as many times as fast as the sheet's servomotor with its spool (error of {:.2} % where the position is divided \
              by that, of {:.2} % where the command is multiplied): its channel is scaled (a unit or `range` of an import?), or it is another unit's (--params)",
             Signal::ServomotorPosition.id(),
-            scaled_pu * 100.0,
-            gained_pu * 100.0
+            self.ratio,
+            self.scaled_pu * 100.0,
+            self.gained_pu * 100.0
         ))
-    })
+    }
 }
