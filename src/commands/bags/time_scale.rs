@@ -149,7 +149,11 @@ impl TimeScale {
         let falls: Vec<String> = Signal::POSITIONS.iter().zip(&self.errors_pu).filter_map(fall).collect();
         let factor = self.factor;
         let (what, rest) = if factor > 1.0 { ("stretched", factor) } else { ("compressed", 1.0 / factor) };
-        let also = if alone && factor > 1.0 { ", or a loss of oil flow slows both" } else { "" };
+        let also = match (alone, factor > 1.0) {
+            (true, true) => ", or a loss of oil flow slows both",
+            (true, false) => ", or the spool's transducer reads too little (`lvdt_gain`)",
+            (false, _) => "",
+        };
         format!(
             "with its time divided by {factor:.2} the sheet's twin follows it, the error falls {}: the recording is not of this unit, or its time is {what} by {rest:.2}{also}; \
              check the unit and the rate of its time (`time:` of an import map), or name the sheet of its unit with --params (`diagnose` can do without: \
