@@ -1,33 +1,24 @@
 """The messages of a servo bench as Cyclone DDS types, under the names that ROS 2 gives them on DDS."""
 
+import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import array, float64, int8, int32, int64, sequence, uint8, uint16, uint32, uint64
 
-
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
-    sec: int32
-    nanosec: uint32
-
-
-@dataclass
-class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    stamp: Time
-    frame_id: str
-
-
-@dataclass
-class GovernorCommand(IdlStruct, typename="governor_msgs::msg::dds_::GovernorCommand_"):
-    header: Header
-    opening: float64
-
-
-@dataclass
-class EsvState(IdlStruct, typename="governor_msgs::msg::dds_::EsvState_"):
-    header: Header
-    state: uint8
+sys.path.append(str(Path(__file__).parents[2] / "examples/coupling"))
+from messages import (  # noqa: E402, F401
+    EsvState,
+    FluidPressure,
+    GovernorCommand,
+    Header,
+    JointState,
+    StepRequest,
+    StepResponse,
+    Time,
+)
+from messages import Result as SimulationResult  # noqa: E402, F401
 
 
 @dataclass
@@ -105,22 +96,6 @@ class UnitVerdict(IdlStruct, typename="governor_msgs::msg::dds_::UnitVerdict_"):
     sizes: sequence[FaultSize]
     warnings: sequence[str]
     processes: uint32
-
-
-@dataclass
-class FluidPressure(IdlStruct, typename="sensor_msgs::msg::dds_::FluidPressure_"):
-    header: Header
-    fluid_pressure: float64
-    variance: float64
-
-
-@dataclass
-class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
-    header: Header
-    name: sequence[str]
-    position: sequence[float64]
-    velocity: sequence[float64]
-    effort: sequence[float64]
 
 
 @dataclass
@@ -257,12 +232,6 @@ class TriggerResponse(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Response
 
 
 @dataclass
-class SimulationResult(IdlStruct, typename="simulation_interfaces::msg::dds_::Result_"):
-    result: uint8
-    error_message: str
-
-
-@dataclass
 class SimulatorFeatures(IdlStruct, typename="simulation_interfaces::msg::dds_::SimulatorFeatures_"):
     features: sequence[uint16]
     spawn_formats: sequence[str]
@@ -307,20 +276,6 @@ class SetStateRequest(IdlStruct, typename="simulation_interfaces::srv::dds_::Set
 
 @dataclass
 class SetStateResponse(IdlStruct, typename="simulation_interfaces::srv::dds_::SetSimulationState_Response_"):
-    caller: uint64
-    number: int64
-    result: SimulationResult
-
-
-@dataclass
-class StepRequest(IdlStruct, typename="simulation_interfaces::srv::dds_::StepSimulation_Request_"):
-    caller: uint64
-    number: int64
-    steps: uint64
-
-
-@dataclass
-class StepResponse(IdlStruct, typename="simulation_interfaces::srv::dds_::StepSimulation_Response_"):
     caller: uint64
     number: int64
     result: SimulationResult
