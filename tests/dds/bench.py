@@ -182,6 +182,16 @@ def check(what, right, detail=""):
         FAILED.append(what)
 
 
+def run_cases(folder, *cases):
+    """Runs those of the cases that CASES names, or all, with the program and the folder, and ends."""
+    named = {case.__name__: case for case in cases}
+    for name in os.environ.get("CASES", " ".join(named)).split():
+        print(f"-- {name}: {named[name].__doc__}")
+        named[name](sys.argv[1], folder)
+    print(f"{len(FAILED)} failed")
+    sys.exit(1 if FAILED else 0)
+
+
 def wait_for(condition, seconds):
     until = time.monotonic() + seconds
     while time.monotonic() < until:

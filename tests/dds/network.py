@@ -11,7 +11,7 @@ import os
 import sys
 import time
 
-from bench import COUNTED, DOMAIN, RELIABLE, Bench, Machine, check, matched, now, stamp_ns, wait_for, whole, FAILED
+from bench import COUNTED, DOMAIN, RELIABLE, Bench, Machine, check, matched, now, run_cases, stamp_ns, wait_for, whole
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -328,15 +328,5 @@ def drive_units(nodes, count, loops_of):
           f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
 
 
-def main():
-    binary, folder = sys.argv[1], sys.argv[2]
-    cases = {"link": link, "callers": callers, "unicast": unicast, "churn": churn, "soak": soak, "units": units, "together": together}
-    for name in os.environ.get("CASES", " ".join(cases)).split():
-        print(f"-- {name}: {cases[name].__doc__}")
-        cases[name](binary, folder)
-    print(f"{len(FAILED)} failed")
-    sys.exit(1 if FAILED else 0)
-
-
 if __name__ == "__main__":
-    call_together() if sys.argv[1:] == ["call_together"] else main()
+    call_together() if sys.argv[1:] == ["call_together"] else run_cases(sys.argv[2], link, callers, unicast, churn, soak, units, together)

@@ -18,7 +18,7 @@ import threading
 import time
 from dataclasses import dataclass
 
-from bench import DOMAIN, ENDS_S, RELIABLE, DataReader, DataWriter, DomainParticipant, Machine, Policy, Qos, Topic, check, duration, matched, now, wait_for, whole, BuiltinDataReader, BuiltinTopicDcpsPublication, FAILED
+from bench import DOMAIN, ENDS_S, RELIABLE, DataReader, DataWriter, DomainParticipant, Machine, Policy, Qos, Topic, check, duration, matched, now, run_cases, wait_for, whole, BuiltinDataReader, BuiltinTopicDcpsPublication
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
 import types_ros as ros
@@ -42,27 +42,6 @@ class Log(IdlStruct, typename="rcl_interfaces::msg::dds_::Log_"):
     file: str
     function: str
     line: uint32
-
-
-@dataclass
-class KeyValue(IdlStruct, typename="diagnostic_msgs::msg::dds_::KeyValue_"):
-    key: str
-    value: str
-
-
-@dataclass
-class Status(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticStatus_"):
-    level: uint8
-    name: str
-    message: str
-    hardware_id: str
-    values: sequence[KeyValue]
-
-
-@dataclass
-class Diagnostics(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticArray_"):
-    header: ros.Header
-    status: sequence[Status]
 
 
 @dataclass
@@ -123,7 +102,7 @@ class Peer:
         hashed = Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.History.KeepLast(10),
                      Policy.Userdata(f"enclave=/;typehash={head_hash()};".encode()))
         self.clock, self.log = writer("rt/clock", ros.Clock), writer("rt/rosout", Log, LATCHED)
-        self.diagnostics, self.talk = writer("rt/diagnostics", Diagnostics), writer("rt/talk", String)
+        self.diagnostics, self.talk = writer("rt/diagnostics", ros.DiagnosticArray), writer("rt/talk", String)
         self.joints, self.bare = writer("rt/joint_states", ros.JointState), writer("rt/bare", Bare)
         self.head = writer("rt/head", Head, hashed)
         self.asked = DataReader(self.participant, Topic(self.participant, "rq/bench/get_type_descriptionRequest", ros.TypeRequest), qos=RELIABLE)
@@ -143,7 +122,8 @@ class Peer:
             self.head.write(Head(now(), 120.0 + step, [1, 2, 3], [Gauge(0.5), Gauge(0.25)]))
             self.bare.write(Bare(step * 1.0))
             if step % 50 == 0:
-                self.diagnostics.write(Diagnostics(now(), [Status(0, "bench", "runs", "", [KeyValue("a", "b")])]))
+                said = ros.DiagnosticStatus(0, "bench", "runs", "", [ros.KeyValue("a", "b")])
+                self.diagnostics.write(ros.DiagnosticArray(now(), [said]))
             for asked in whole(self.asked.take(10)) if self.answers else ():
                 known = asked.type_name in TEXTS and asked.type_hash in ("", head_hash())
                 sources = [ros.TypeSource(name, "msg", text) for name, text in TEXTS.items()] if known else []
@@ -220,7 +200,7 @@ def types(binary, folder):
 
 KEPT = Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.History.KeepAll)
 KEPT_LATCHED = Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.Durability.TransientLocal, Policy.History.KeepAll)
-PLAYED = {"/clock": ros.Clock, "/rosout": Log, "/diagnostics": Diagnostics, "/talk": String, "/joint_states": ros.JointState,
+PLAYED = {"/clock": ros.Clock, "/rosout": Log, "/diagnostics": ros.DiagnosticArray, "/talk": String, "/joint_states": ros.JointState,
           "/bare": Bare, "/head": Head}
 
 
@@ -419,16 +399,7 @@ def full(binary, folder):
         subprocess.run(["umount", disk])
 
 
-def main():
-    binary, folder = sys.argv[1], os.path.join(sys.argv[2], "record")
-    os.makedirs(folder, exist_ok=True)
-    cases = {"types": types, "play": play, "refusals": refusals, "kills": kills, "full": full}
-    for name in os.environ.get("CASES", " ".join(cases)).split():
-        print(f"-- {name}: {cases[name].__doc__}")
-        cases[name](binary, folder)
-    print(f"{len(FAILED)} failed")
-    sys.exit(1 if FAILED else 0)
-
-
 if __name__ == "__main__":
-    main()
+    folder = os.path.join(sys.argv[2], "record")
+    os.makedirs(folder, exist_ok=True)
+    run_cases(folder, types, play, refusals, kills, full)

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 
-from bench import ENDS_S, Bench, Policy, Qos, check, duration, matched, now, stamp_ns, wait_for, whole, BEST_EFFORT, DOMAIN, FAILED, RELIABLE
+from bench import ENDS_S, Bench, Policy, Qos, check, duration, matched, now, run_cases, stamp_ns, wait_for, whole, BEST_EFFORT, DOMAIN, RELIABLE
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic
@@ -468,15 +468,5 @@ def action(binary, folder):
         check("the node ends in order", node.end())
 
 
-def main():
-    binary, folder = sys.argv[1], sys.argv[2]
-    cases = {"steps": steps, "action": action, "live": live, "follow": follow, "anew": anew, "rivals": rivals, "typos": typos}
-    for name in os.environ.get("CASES", " ".join(cases)).split():
-        print(f"-- {name}: {cases[name].__doc__}")
-        cases[name](binary, folder)
-    print(f"{len(FAILED)} failed")
-    sys.exit(1 if FAILED else 0)
-
-
 if __name__ == "__main__":
-    main()
+    run_cases(sys.argv[2], steps, action, live, follow, anew, rivals, typos)

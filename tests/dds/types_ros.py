@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import array, float64, int8, int32, int64, sequence, uint8, uint16, uint32, uint64
+from cyclonedds.idl.types import array, float64, int8, int64, sequence, uint8, uint16, uint32, uint64
 
 sys.path.append(str(Path(__file__).parents[2] / "examples/coupling"))
 from messages import (  # noqa: E402, F401
