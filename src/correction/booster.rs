@@ -8,6 +8,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::forest::Tree;
+use govtwin_model::stored::with_words;
 
 /// Name and version of what trains.
 pub const NAME: &str = "LightGBM 4 through lightgbm3 1.0";
@@ -15,38 +16,27 @@ pub const NAME: &str = "LightGBM 4 through lightgbm3 1.0";
 /// The fewest training rows for which a guard can be learned.
 pub(crate) const FEWEST_ROWS: usize = 200;
 
-/// What trees make least.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Objective {
-    /// Mean absolute error, the paper's: few rows far off do not count for more than others.
-    L1,
-    /// Squares up to `HUBER_PU`, straight beyond.
-    Huber,
-    /// Mean squared error.
-    L2,
-    /// Pinball losses at the three quartiles (Koenker and Bassett 1978), a list of trees for each, put together as Tukey's trimean
-    /// `(q₂₅ + 2 q₅₀ + q₇₅)/4`: few rows far off do not count here either. Three times the trees.
-    Quantile,
+with_words! {
+    /// What trees make least.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Objective: id {
+        /// Mean absolute error, the paper's: few rows far off do not count for more than others.
+        L1 = "regression_l1",
+        /// Squares up to `HUBER_PU`, straight beyond.
+        Huber = "huber",
+        /// Mean squared error.
+        L2 = "regression",
+        /// Pinball losses at the three quartiles (Koenker and Bassett 1978), a list of trees for each, put together as Tukey's trimean
+        /// `(q₂₅ + 2 q₅₀ + q₇₅)/4`: few rows far off do not count here either. Three times the trees.
+        Quantile = "quantile",
+    }
 }
 
 /// Where Huber's loss turns from squares to straight, in the target's unit; the coefficient's unit is the signal's.
 const HUBER_PU: f64 = 0.01;
 
 impl Objective {
-    /// All, the paper's first.
-    pub const ALL: [Self; 4] = [Self::L1, Self::Huber, Self::L2, Self::Quantile];
-
-    /// The library's name for it.
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::L1 => "regression_l1",
-            Self::Huber => "huber",
-            Self::L2 => "regression",
-            Self::Quantile => "quantile",
-        }
-    }
-
     /// The lists of trees that are grown for it: the library's `alpha`, and how much of each counts.
     fn parts(self) -> &'static [(f64, f64)] {
         match self {

@@ -13,36 +13,25 @@
 
 use super::history::{PAST, Taps};
 use super::row::RowChannel;
+use govtwin_model::stored::with_words;
 use govtwin_model::units::seconds_from_nanos;
 
-/// Table 1's groups.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum FeatureGroup {
-    /// The inputs as they are.
-    Original,
-    /// Combinations of inputs.
-    Interaction,
-    /// Inputs some periods ago.
-    Lag,
-    /// Statistics of a window that ends now.
-    Rolling,
-    /// The twin's output, its derivatives and inner signals.
-    Model,
-    /// Persistence of a trend.
-    Trend,
-}
-
-impl FeatureGroup {
-    /// The name in tables.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Original => "original",
-            Self::Interaction => "interaction",
-            Self::Lag => "lag",
-            Self::Rolling => "rolling",
-            Self::Model => "model",
-            Self::Trend => "trend strength",
-        }
+with_words! {
+    /// Table 1's groups.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum FeatureGroup: title {
+        /// The inputs as they are.
+        Original = "original",
+        /// Combinations of inputs.
+        Interaction = "interaction",
+        /// Inputs some periods ago.
+        Lag = "lag",
+        /// Statistics of a window that ends now.
+        Rolling = "rolling",
+        /// The twin's output, its derivatives and inner signals.
+        Model = "model",
+        /// Persistence of a trend.
+        Trend = "trend strength",
     }
 }
 

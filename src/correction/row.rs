@@ -4,115 +4,65 @@ use serde::{Deserialize, Serialize};
 
 use govtwin_model::frame::{Estimate, EsvState, Frame};
 use govtwin_model::signal::Signal;
+use govtwin_model::stored::with_words;
 
-/// Where the guide-vane opening of a row comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Opening {
-    /// The twin runs in closed loop: its own servomotor.
-    Simulated,
-    /// The measured servomotor feeds the twin's regulator (the paper's mode).
-    Measured,
-}
-
-impl Opening {
-    /// The name in files and words.
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::Simulated => "simulated",
-            Self::Measured => "measured",
-        }
+with_words! {
+    /// Where the guide-vane opening of a row comes from.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Opening: id {
+        /// The twin runs in closed loop: its own servomotor.
+        Simulated = "simulated",
+        /// The measured servomotor feeds the twin's regulator (the paper's mode).
+        Measured = "measured",
     }
 }
 
-/// What drives the twin between two recorded rows: the option `--rate-of-inputs`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RateOfInputs {
-    /// Inputs hold until the next row, as a live node holds its last inputs.
-    #[default]
-    Hold,
-    /// Inputs run straight from row to row, as a node has them whose commands come fast.
-    Linear,
-}
-
-impl RateOfInputs {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Hold, Self::Linear];
-
-    /// The name in files and words.
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::Hold => "hold",
-            Self::Linear => "linear",
-        }
+with_words! {
+    /// What drives the twin between two recorded rows: the option `--rate-of-inputs`.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum RateOfInputs: id {
+        /// Inputs hold until the next row, as a live node holds its last inputs.
+        #[default]
+        Hold = "hold",
+        /// Inputs run straight from row to row, as a node has them whose commands come fast.
+        Linear = "linear",
     }
 }
 
-/// One number of a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum RowChannel {
-    /// Guide-vane opening command, pu.
-    Command,
-    /// Guide-vane opening, pu.
-    Opening,
-    /// Oil pressure of the pressure tank, Pa.
-    TankPressure,
-    /// Emergency shutdown valve: 1 normal, 0 shutdown.
-    Esv,
-    /// Command − opening, pu.
-    Error,
-    /// The twin's estimate of the signal to correct, in its unit.
-    Model,
-    /// The twin's spool speed, m/s.
-    SpoolSpeed,
-    /// The twin's servomotor speed, m/s.
-    ServomotorSpeed,
-    /// The twin's pilot-valve position, pu.
-    Pilot,
-    /// The twin's control pressure, Pa.
-    ControlPressure,
-    /// The regulator's demand on the spool, pu.
-    SpoolCommand,
-    /// The regulator's current to the proportional valve, pu.
-    ValveCurrent,
+with_words! {
+    /// One number of a row.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum RowChannel: id {
+        /// Guide-vane opening command, pu.
+        Command = "command_pu",
+        /// Guide-vane opening, pu.
+        Opening = "opening_pu",
+        /// Oil pressure of the pressure tank, Pa.
+        TankPressure = "tank_pressure_pa",
+        /// Emergency shutdown valve: 1 normal, 0 shutdown.
+        Esv = "esv",
+        /// Command − opening, pu.
+        Error = "error_pu",
+        /// The twin's estimate of the signal to correct, in its unit.
+        Model = "model",
+        /// The twin's spool speed, m/s.
+        SpoolSpeed = "model_spool_speed_m_s",
+        /// The twin's servomotor speed, m/s.
+        ServomotorSpeed = "model_servomotor_speed_m_s",
+        /// The twin's pilot-valve position, pu.
+        Pilot = "model_pilot_pu",
+        /// The twin's control pressure, Pa.
+        ControlPressure = "model_control_pressure_pa",
+        /// The regulator's demand on the spool, pu.
+        SpoolCommand = "model_spool_command_pu",
+        /// The regulator's current to the proportional valve, pu.
+        ValveCurrent = "model_valve_current_pu",
+    }
 }
 
 impl RowChannel {
-    /// All channels, in the order of a row.
-    pub const ALL: [Self; 12] = [
-        Self::Command,
-        Self::Opening,
-        Self::TankPressure,
-        Self::Esv,
-        Self::Error,
-        Self::Model,
-        Self::SpoolSpeed,
-        Self::ServomotorSpeed,
-        Self::Pilot,
-        Self::ControlPressure,
-        Self::SpoolCommand,
-        Self::ValveCurrent,
-    ];
-
-    /// The name in lists of features.
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::Command => "command_pu",
-            Self::Opening => "opening_pu",
-            Self::TankPressure => "tank_pressure_pa",
-            Self::Esv => "esv",
-            Self::Error => "error_pu",
-            Self::Model => "model",
-            Self::SpoolSpeed => "model_spool_speed_m_s",
-            Self::ServomotorSpeed => "model_servomotor_speed_m_s",
-            Self::Pilot => "model_pilot_pu",
-            Self::ControlPressure => "model_control_pressure_pa",
-            Self::SpoolCommand => "model_spool_command_pu",
-            Self::ValveCurrent => "model_valve_current_pu",
-        }
-    }
-
     /// Whether it is the twin's word and not an input.
     pub fn is_model(self) -> bool {
         self >= Self::Model

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::frame::{EsvState, Frame};
-use crate::stored::held_by_id;
+use crate::stored::{held_by_id, with_words};
 use crate::units::seconds_from_nanos;
 
 /// Samples farther apart than this leave open what inputs do between them, ns: the spool, which settles within it, shows none of it.
@@ -17,33 +17,22 @@ pub fn median_spacing_ns(times_ns: impl Iterator<Item = i64>) -> i64 {
     spacings_ns.get(spacings_ns.len() / 2).copied().unwrap_or(0)
 }
 
-/// The four dynamic processes of a governor (Liu et al. 2025, section 4.2); there are no others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Process {
-    /// From closed to speed-no-load.
-    Startup,
-    /// On load, towards a larger opening.
-    LoadIncrease,
-    /// Down to closed, with the emergency shutdown valve.
-    Shutdown,
-    /// A sudden closure from load, by command.
-    LoadRejection,
+with_words! {
+    /// The four dynamic processes of a governor (Liu et al. 2025, section 4.2); there are no others.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum Process: id {
+        /// From closed to speed-no-load.
+        Startup = "startup",
+        /// On load, towards a larger opening.
+        LoadIncrease = "load_increase",
+        /// Down to closed, with the emergency shutdown valve.
+        Shutdown = "shutdown",
+        /// A sudden closure from load, by command.
+        LoadRejection = "load_rejection",
+    }
 }
 
 impl Process {
-    /// All four, in the order in which tables and pictures show them.
-    pub const ALL: [Self; 4] = [Self::Startup, Self::LoadIncrease, Self::Shutdown, Self::LoadRejection];
-
-    /// The name in file names and keys.
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::Startup => "startup",
-            Self::LoadIncrease => "load_increase",
-            Self::Shutdown => "shutdown",
-            Self::LoadRejection => "load_rejection",
-        }
-    }
-
     /// The name in words.
     pub fn title(self) -> &'static str {
         match self {

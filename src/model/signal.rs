@@ -2,50 +2,38 @@
 
 use crate::frame::{Estimate, Signals};
 use crate::parameters::{Sensor, Sensors};
-use crate::stored::held_by_id;
+use crate::stored::{held_by_id, with_words};
 
-/// One of the signals that a recording may hold and a twin simulates.
-///
-/// ```
-/// use govtwin_model::{frame::Signals, signal::Signal};
-///
-/// let row = Signal::SpoolPosition.with(Signals::NONE, 0.25);
-/// assert_eq!(Signal::SpoolPosition.of(&row), 0.25);
-/// assert_eq!((Signal::SpoolPosition.id(), Signal::SpoolPosition.unit()), ("spool_position_pu", "pu"));
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Signal {
-    /// Servomotor position `Y`.
-    ServomotorPosition,
-    /// Main distributing valve spool position `y`.
-    SpoolPosition,
-    /// Proportional (pilot) valve position `x_p`.
-    PilotValvePosition,
-    /// Control-chamber pressure `P_ctrl`.
-    ControlPressure,
+with_words! {
+    /// One of the signals that a recording may hold and a twin simulates.
+    ///
+    /// ```
+    /// use govtwin_model::{frame::Signals, signal::Signal};
+    ///
+    /// let row = Signal::SpoolPosition.with(Signals::NONE, 0.25);
+    /// assert_eq!(Signal::SpoolPosition.of(&row), 0.25);
+    /// assert_eq!((Signal::SpoolPosition.id(), Signal::SpoolPosition.unit()), ("spool_position_pu", "pu"));
+    /// ```
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum Signal: id {
+        /// Servomotor position `Y`.
+        ServomotorPosition = "servomotor_position_pu",
+        /// Main distributing valve spool position `y`.
+        SpoolPosition = "spool_position_pu",
+        /// Proportional (pilot) valve position `x_p`.
+        PilotValvePosition = "pilot_valve_position_pu",
+        /// Control-chamber pressure `P_ctrl`.
+        ControlPressure = "control_pressure_pa",
+    }
 }
 
 impl Signal {
-    /// All four; the positions, by which a twin is evaluated first, come first.
-    pub const ALL: [Self; 4] =
-        [Self::ServomotorPosition, Self::SpoolPosition, Self::PilotValvePosition, Self::ControlPressure];
-
     /// The two positions that the twin publishes.
     pub const POSITIONS: [Self; 2] = [Self::ServomotorPosition, Self::SpoolPosition];
 
     /// The signal at each of a twin's estimates.
     pub fn of_estimates(self, estimates: &[Estimate]) -> Vec<f64> {
         estimates.iter().map(|estimate| self.of(&estimate.signals)).collect()
-    }
-
-    /// The name in keys, with its unit.
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::ServomotorPosition => "servomotor_position_pu",
-            Self::SpoolPosition => "spool_position_pu",
-            Self::PilotValvePosition => "pilot_valve_position_pu",
-            Self::ControlPressure => "control_pressure_pa",
-        }
     }
 
     /// The name in words.

@@ -1,9 +1,33 @@
-//! Values as files hold them: enumerations by the ids of their variants, figures in JSON, which knows neither NaN nor infinity, and lasting texts.
+//! Values as files hold them: enumerations with a word for each variant, read by it, figures in JSON, which knows neither NaN nor infinity, and lasting texts.
 
 use std::collections::BTreeSet;
 use std::sync::Mutex;
 
 use serde::{Deserialize, Deserializer};
+
+/// An enumeration in which every variant has its word: all variants in their order, and the word of each.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! with_words {
+    ($(#[$about:meta])* $seen:vis enum $name:ident: $word:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
+        $(#[$about])*
+        $seen enum $name {
+            $($(#[$doc])* $variant,)+
+        }
+
+        impl $name {
+            /// All, in their order.
+            pub const ALL: [Self; [$($text),+].len()] = [$(Self::$variant),+];
+
+            /// What files, reports and messages call it.
+            pub const fn $word(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $text,)+
+                }
+            }
+        }
+    };
+}
 
 /// Writes and reads a type by `id()`, one of those of `ALL`; what else is found is named with all that may stand there.
 #[doc(hidden)]
@@ -35,7 +59,7 @@ macro_rules! held_by_id {
     };
 }
 
-pub use crate::held_by_id;
+pub use crate::{held_by_id, with_words};
 
 /// No figure.
 pub fn no_figure() -> f64 {

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use govtwin_bag::msg::{self, Header};
 use govtwin_model::frame::EsvState;
+use govtwin_model::stored::with_words;
 use govtwin_model::units::NANOS_PER_SECOND;
 
 use super::core::{InputEvent, NodeInput};
@@ -22,64 +23,32 @@ const PRESSURE_RANGE_PA: (f64, f64) = (0.0, 1.0e8);
 /// A stamp further back than this is a source that started again, not a sample that came late, ns.
 const RESTART_NS: i64 = NANOS_PER_SECOND;
 
-/// Why a sample was not used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
-    /// Not a finite number.
-    NotFinite,
-    /// A number that cannot be.
-    OutOfRange,
-    /// `nanosec` of a second or more.
-    BadStamp,
-    /// Older than the sample before it.
-    Late,
-    /// Its bytes are not of the agreed type.
-    Undecodable,
-    /// Its sender announced another type on the topic.
-    ForeignType,
-    /// A joint command without position or effort of the servomotor.
-    NothingAsked,
-    /// A message without the field that a map names.
-    FieldAbsent,
-    /// A text in a field that a map takes for a number.
-    Text,
-    /// Its stamp is older than the node takes, or as far ahead.
-    Old,
-    /// Its sender is not among the commanders.
-    NotCommander,
-}
-
-impl Refusal {
-    /// All reasons, in the order of their counts.
-    pub(crate) const ALL: [Self; 11] = [
-        Self::NotFinite,
-        Self::OutOfRange,
-        Self::BadStamp,
-        Self::Late,
-        Self::Undecodable,
-        Self::ForeignType,
-        Self::NothingAsked,
-        Self::FieldAbsent,
-        Self::Text,
-        Self::Old,
-        Self::NotCommander,
-    ];
-
-    /// The reason in words.
-    pub(crate) fn words(self) -> &'static str {
-        match self {
-            Self::NotFinite => "not a finite number",
-            Self::OutOfRange => "out of range",
-            Self::BadStamp => "a stamp that is no time",
-            Self::Late => "older than the sample before it",
-            Self::Undecodable => "not of the agreed type",
-            Self::ForeignType => "from a sender of another type",
-            Self::NothingAsked => "without position or effort of the joint `servomotor`",
-            Self::FieldAbsent => "without the field that the map names",
-            Self::Text => "text, where the map expects a number",
-            Self::Old => "a stamp older than max_stamp_age, or as far ahead",
-            Self::NotCommander => "from a sender that is not among the commanders",
-        }
+with_words! {
+    /// Why a sample was not used.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Refusal: words {
+        /// Not a finite number.
+        NotFinite = "not a finite number",
+        /// A number that cannot be.
+        OutOfRange = "out of range",
+        /// `nanosec` of a second or more.
+        BadStamp = "a stamp that is no time",
+        /// Older than the sample before it.
+        Late = "older than the sample before it",
+        /// Its bytes are not of the agreed type.
+        Undecodable = "not of the agreed type",
+        /// Its sender announced another type on the topic.
+        ForeignType = "from a sender of another type",
+        /// A joint command without position or effort of the servomotor.
+        NothingAsked = "without position or effort of the joint `servomotor`",
+        /// A message without the field that a map names.
+        FieldAbsent = "without the field that the map names",
+        /// A text in a field that a map takes for a number.
+        Text = "text, where the map expects a number",
+        /// Its stamp is older than the node takes, or as far ahead.
+        Old = "a stamp older than max_stamp_age, or as far ahead",
+        /// Its sender is not among the commanders.
+        NotCommander = "from a sender that is not among the commanders",
     }
 }
 

@@ -7,6 +7,7 @@ use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::decision::posterior::likeliest;
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::{Regret, Remainder, Verdict};
+use govtwin_model::stored::with_words;
 
 /// Gain in likelihood, as −2 ln, from which something can be told: a log Bayes factor of 10, of which the odds against any effect take half.
 pub const SEEN: f64 = 20.0;
@@ -16,33 +17,20 @@ const VISIBLE_RATIO: f64 = 3.0;
 /// A class with more members is no answer.
 const LARGEST_CLASS: usize = 3;
 
-/// What a miss lies with: the first that holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MissedBy {
-    /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
-    /// ([`expected_log_bayes_factor`](crate::benchmark::isolability::expected_log_bayes_factor)); or, if it is not the search, the answer leaves hardly
-    /// more than a right model ([`DiagnosisReport::leaves`]).
-    Information,
-    /// No set with the true faults was fitted, or one that costs more, by [`SMALL_REGRET`] and by [`SEEN`], than a fit which begins at the true values.
-    Search,
-    /// The true set leads by the evidence of the report, and the verdict is another.
-    Verdict,
-    /// Another set leads by the evidence: with the twin's equations it fits the recordings better than the truth does.
-    Model,
-}
-
-impl MissedBy {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Information, Self::Search, Self::Verdict, Self::Model];
-
-    /// The word in files and tables.
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::Information => "information",
-            Self::Search => "search",
-            Self::Verdict => "verdict",
-            Self::Model => "model",
-        }
+with_words! {
+    /// What a miss lies with: the first that holds.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum MissedBy: id {
+        /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
+        /// ([`expected_log_bayes_factor`](crate::benchmark::isolability::expected_log_bayes_factor)); or, if it is not the search, the answer leaves hardly
+        /// more than a right model ([`DiagnosisReport::leaves`]).
+        Information = "information",
+        /// No set with the true faults was fitted, or one that costs more, by [`SMALL_REGRET`] and by [`SEEN`], than a fit which begins at the true values.
+        Search = "search",
+        /// The true set leads by the evidence of the report, and the verdict is another.
+        Verdict = "verdict",
+        /// Another set leads by the evidence: with the twin's equations it fits the recordings better than the truth does.
+        Model = "model",
     }
 }
 

@@ -10,6 +10,7 @@ use govtwin_correction::guard::{Guard, GuardCounts};
 use govtwin_correction::row::RowChannel;
 use govtwin_correction::table::FeatureTable;
 use govtwin_model::recording::Process;
+use govtwin_model::stored::with_words;
 use govtwin_model::units::seconds_from_nanos;
 
 /// A signal that changes by more than this from row to row jumps, in its unit, pu; the coefficient's unit is the signal's.
@@ -24,32 +25,19 @@ const WORST: usize = 8;
 /// Rows before and behind the worst one that a picture shows.
 pub(crate) const AROUND: usize = 8;
 
-/// What goes on at a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Phase {
-    /// The ESV trips at this row or did at the one before.
-    Trip,
-    /// The measured signal jumps.
-    Jump,
-    /// It moves.
-    Moving,
-    /// It rests, apart from chatter.
-    AtRest,
-}
-
-impl Phase {
-    /// All phases.
-    pub const ALL: [Self; 4] = [Self::Trip, Self::Jump, Self::Moving, Self::AtRest];
-
-    /// The words for it.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Trip => "trip",
-            Self::Jump => "jump",
-            Self::Moving => "moving",
-            Self::AtRest => "at rest",
-        }
+with_words! {
+    /// What goes on at a row.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Phase: title {
+        /// The ESV trips at this row or did at the one before.
+        Trip = "trip",
+        /// The measured signal jumps.
+        Jump = "jump",
+        /// It moves.
+        Moving = "moving",
+        /// It rests, apart from chatter.
+        AtRest = "at rest",
     }
 }
 

@@ -10,78 +10,43 @@ use std::fmt;
 use std::sync::Arc;
 
 use crate::state::State;
+use crate::stored::with_words;
 
-/// Where in the chain a term acts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Point {
-    /// The opening command on its way to the regulator, pu.
-    Command,
-    /// The ESV's opening, 1 normal, 0 shutdown.
-    EsvOpening,
-    /// The tank's pressure as it reaches the valves, Pa.
-    SupplyPressure,
-    /// The servomotor's reading in the regulator, pu.
-    RegulatorServomotor,
-    /// The spool's reading in the regulator, pu.
-    RegulatorSpool,
-    /// The regulator's current to the proportional valve, pu.
-    ValveCurrent,
-    /// The servomotor's transducer, pu.
-    ServomotorReading,
-    /// The spool's position as it drives the ports where it is recorded, m; not used for a simulated spool.
-    DrivingSpool,
-    /// Force on the spool, N, + opens.
-    SpoolForce,
-    /// Flow into the control chamber, m³/s.
-    ChamberFlow,
-    /// Force on the piston, N, + opens.
-    ServomotorForce,
-    /// Flow into the opening chamber, m³/s.
-    OpeningFlow,
-    /// Flow into the closing chamber, m³/s.
-    ClosingFlow,
+with_words! {
+    /// Where in the chain a term acts.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum Point: id {
+        /// The opening command on its way to the regulator, pu.
+        Command = "command_pu",
+        /// The ESV's opening, 1 normal, 0 shutdown.
+        EsvOpening = "esv_opening_pu",
+        /// The tank's pressure as it reaches the valves, Pa.
+        SupplyPressure = "supply_pressure_pa",
+        /// The servomotor's reading in the regulator, pu.
+        RegulatorServomotor = "regulator_servomotor_pu",
+        /// The spool's reading in the regulator, pu.
+        RegulatorSpool = "regulator_spool_pu",
+        /// The regulator's current to the proportional valve, pu.
+        ValveCurrent = "valve_current_pu",
+        /// The servomotor's transducer, pu.
+        ServomotorReading = "servomotor_reading_pu",
+        /// The spool's position as it drives the ports where it is recorded, m; not used for a simulated spool.
+        DrivingSpool = "driving_spool_m",
+        /// Force on the spool, N, + opens.
+        SpoolForce = "spool_force_n",
+        /// Flow into the control chamber, m³/s.
+        ChamberFlow = "chamber_flow_m3_s",
+        /// Force on the piston, N, + opens.
+        ServomotorForce = "servomotor_force_n",
+        /// Flow into the opening chamber, m³/s.
+        OpeningFlow = "opening_flow_m3_s",
+        /// Flow into the closing chamber, m³/s.
+        ClosingFlow = "closing_flow_m3_s",
+    }
 }
 
 /// Number of points.
 pub(crate) const POINTS: usize = Point::ALL.len();
-
-impl Point {
-    /// All points, along the chain as the variants stand.
-    pub const ALL: [Self; 13] = [
-        Self::Command,
-        Self::EsvOpening,
-        Self::SupplyPressure,
-        Self::RegulatorServomotor,
-        Self::RegulatorSpool,
-        Self::ValveCurrent,
-        Self::ServomotorReading,
-        Self::DrivingSpool,
-        Self::SpoolForce,
-        Self::ChamberFlow,
-        Self::ServomotorForce,
-        Self::OpeningFlow,
-        Self::ClosingFlow,
-    ];
-
-    /// The name in files, with its unit.
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::Command => "command_pu",
-            Self::EsvOpening => "esv_opening_pu",
-            Self::SupplyPressure => "supply_pressure_pa",
-            Self::RegulatorServomotor => "regulator_servomotor_pu",
-            Self::RegulatorSpool => "regulator_spool_pu",
-            Self::ValveCurrent => "valve_current_pu",
-            Self::ServomotorReading => "servomotor_reading_pu",
-            Self::DrivingSpool => "driving_spool_m",
-            Self::SpoolForce => "spool_force_n",
-            Self::ChamberFlow => "chamber_flow_m3_s",
-            Self::ServomotorForce => "servomotor_force_n",
-            Self::OpeningFlow => "opening_flow_m3_s",
-            Self::ClosingFlow => "closing_flow_m3_s",
-        }
-    }
-}
 
 /// What a term may look at.
 #[derive(Clone, Copy, Debug)]
