@@ -3,6 +3,32 @@
 //! An effect is one file and one line of [`CATALOGUE`]. Applied with its neutral values it leaves the
 //! plant as it is, to the last bit.
 
+/// An effect as its file defines it: its id, stage and law, then a row for each parameter, from least to most.
+///
+/// The law takes as many values as there are rows, which the compiler checks; the file's own text is its source.
+macro_rules! effect {
+    ($id:literal, $stage:ident, $law:ident; $($name:literal [$unit:literal] $min:literal ..= $max:literal,
+        neutral $neutral:literal, typical $typical:literal $(, scales with $scaling:ident)?: $doc:literal;)+) => {{
+        const LAW: $crate::effects::EffectLaw<{ [$($name),+].len() }> = $crate::effects::EffectLaw($law);
+        $crate::effects::EffectSpec {
+            id: $id,
+            stage: $crate::effects::Stage::$stage,
+            source: include_str!(concat!($id, ".rs")),
+            parameters: &[$($crate::effects::EffectParameter {
+                name: $name,
+                unit: $unit,
+                neutral: $neutral,
+                min: $min,
+                max: $max,
+                typical: $typical,
+                scaling: [$($crate::effects::Scaling::$scaling,)? $crate::effects::Scaling::Fixed][0],
+                doc: $doc,
+            }),+],
+            law: &LAW,
+        }
+    }};
+}
+
 pub(crate) mod backlash;
 pub(crate) mod chamber_leak;
 pub(crate) mod clock_offset;
@@ -47,43 +73,26 @@ pub use crate::effects::scaling::Scaling;
 use crate::effects::scaling::UnitSize;
 use crate::parameters::{Parameters, Unit};
 use crate::plant::Plant;
-use crate::stored::held_by_id;
+use crate::stored::{held_by_id, with_words};
 
-/// The stage of the chain in which an effect sits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Stage {
-    /// The discrete regulator and the command's way to it.
-    Regulator,
-    /// The proportional (pilot) valve.
-    PilotValve,
-    /// The emergency shutdown valve.
-    Esv,
-    /// Control chamber and spool.
-    Spool,
-    /// Main ports, servomotor and its load.
-    Servomotor,
-    /// Tank, line and oil supply.
-    Supply,
-    /// Transducers and clocks.
-    Sensor,
-}
-
-impl Stage {
-    /// All stages, along the chain.
-    pub const ALL: [Self; 7] =
-        [Self::Regulator, Self::PilotValve, Self::Esv, Self::Spool, Self::Servomotor, Self::Supply, Self::Sensor];
-
-    /// The id in reports and labels.
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::Regulator => "regulator",
-            Self::PilotValve => "pilot_valve",
-            Self::Esv => "esv",
-            Self::Spool => "spool",
-            Self::Servomotor => "servomotor",
-            Self::Supply => "supply",
-            Self::Sensor => "sensor",
-        }
+with_words! {
+    /// The stage of the chain in which an effect sits.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum Stage: id {
+        /// The discrete regulator and the command's way to it.
+        Regulator = "regulator",
+        /// The proportional (pilot) valve.
+        PilotValve = "pilot_valve",
+        /// The emergency shutdown valve.
+        Esv = "esv",
+        /// Control chamber and spool.
+        Spool = "spool",
+        /// Main ports, servomotor and its load.
+        Servomotor = "servomotor",
+        /// Tank, line and oil supply.
+        Supply = "supply",
+        /// Transducers and clocks.
+        Sensor = "sensor",
     }
 }
 
@@ -139,16 +148,6 @@ pub struct EffectSpec {
     law: &'static dyn Build,
 }
 
-/// An effect as its file defines it: its law takes as many values as there are parameters, which the compiler checks.
-#[derive(Clone, Copy)]
-pub(crate) struct EffectDefinition<const N: usize> {
-    pub id: &'static str,
-    pub stage: Stage,
-    pub source: &'static str,
-    pub parameters: &'static [EffectParameter; N],
-    pub apply: &'static EffectLaw<N>,
-}
-
 /// How an effect of `N` parameters enters a plant.
 pub(crate) struct EffectLaw<const N: usize>(pub fn([f64; N], &mut Plant));
 
@@ -190,12 +189,6 @@ pub struct EffectHead {
 }
 
 impl EffectSpec {
-    /// An effect of the catalogue.
-    pub(crate) const fn new<const N: usize>(definition: EffectDefinition<N>) -> Self {
-        let EffectDefinition { id, stage, source, parameters, apply } = definition;
-        Self { id, stage, source, parameters, law: apply }
-    }
-
     /// Builds it into a plant. Values that a setting lacks are neutral; what it has too many is ignored.
     pub(crate) fn apply(&self, values: &[f64], plant: &mut Plant) {
         self.law.build(&self.completed(values), plant);
@@ -344,7 +337,7 @@ mod tests {
         assert_eq!(spec.completed(&[]), [0.0, 0.1]);
         assert_eq!(spec.completed(&[1e8, 0.06, 7.0]), [1e8, 0.06]);
         let plant = |values: &[f64]| {
-            let mut plant = Plant::new(&crate::params::reference().parameters);
+            let mut plant = crate::plant::reference();
             spec.apply(values, &mut plant);
             format!("{plant:?}")
         };
@@ -352,10 +345,7 @@ mod tests {
         assert_ne!(plant(&[1e8]), plant(&[]));
         // Every effect of the catalogue takes nothing at all for neutral.
         for spec in CATALOGUE {
-            let (mut none, mut neutral) = (
-                Plant::new(&crate::params::reference().parameters),
-                Plant::new(&crate::params::reference().parameters),
-            );
+            let (mut none, mut neutral) = (crate::plant::reference(), crate::plant::reference());
             spec.apply(&[], &mut none);
             spec.apply(&spec.completed(&[]), &mut neutral);
             assert_eq!(format!("{none:?}"), format!("{neutral:?}"), "{}", spec.id);

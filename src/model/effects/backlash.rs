@@ -14,28 +14,16 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::play::Play;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "backlash",
-    stage: Stage::Servomotor,
-    source: include_str!("backlash.rs"),
-    parameters: &[EffectParameter {
-        name: "play_pu",
-        unit: "pu",
-        neutral: 0.0,
-        min: 0.0,
-        max: 0.03,
-        typical: 2.0e-3,
-        scaling: Scaling::Fixed,
-        doc: "play between piston and transducer, pu of stroke",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "backlash", Servomotor, apply;
+    "play_pu" ["pu"] 0.0 ..= 0.03, neutral 0.0, typical 2.0e-3: "play between piston and transducer, pu of stroke";
+};
 
 fn apply([play_pu]: [f64; 1], plant: &mut Plant) {
     if play_pu > 0.0 {

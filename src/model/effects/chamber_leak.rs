@@ -9,26 +9,15 @@
 //! Without it the real pilot valve stands open at rest and the spool off its demand towards closing; it opens slower and closes faster.
 //! Limits: laminar, independent of the spool's place; the positions confuse it with a null shift of the pilot valve.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "chamber_leak",
-    stage: Stage::Spool,
-    source: include_str!("chamber_leak.rs"),
-    parameters: &[EffectParameter {
-        name: "leakage_m3_s_pa",
-        unit: "m3/(s Pa)",
-        neutral: 0.0,
-        min: 0.0,
-        max: 2.0e-10,
-        typical: 5.0e-12,
-        scaling: Scaling::PilotLeak,
-        doc: "leakage coefficient from the control chamber to return",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "chamber_leak", Spool, apply;
+    "leakage_m3_s_pa" ["m3/(s Pa)"] 0.0 ..= 2.0e-10, neutral 0.0, typical 5.0e-12, scales with PilotLeak:
+        "leakage coefficient from the control chamber to return";
+};
 
 fn apply([leakage_m3_s_pa]: [f64; 1], plant: &mut Plant) {
     plant.spool.return_leakage_m3_s_pa += leakage_m3_s_pa;

@@ -12,28 +12,17 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "clock_offset",
-    stage: Stage::Sensor,
-    source: include_str!("clock_offset.rs"),
-    parameters: &[EffectParameter {
-        name: "offset_s",
-        unit: "s",
-        neutral: 0.0,
-        min: -0.5,
-        max: 0.5,
-        typical: 0.03,
-        scaling: Scaling::Fixed,
-        doc: "stamps of command and ESV less those of the plant's signals",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "clock_offset", Sensor, apply;
+    "offset_s" ["s"] -0.5 ..= 0.5, neutral 0.0, typical 0.03:
+        "stamps of command and ESV less those of the plant's signals";
+};
 
 fn apply([offset_s]: [f64; 1], plant: &mut Plant) {
     if offset_s == 0.0 {

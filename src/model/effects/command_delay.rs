@@ -12,28 +12,17 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "command_delay",
-    stage: Stage::Regulator,
-    source: include_str!("command_delay.rs"),
-    parameters: &[EffectParameter {
-        name: "delay_s",
-        unit: "s",
-        neutral: 0.0,
-        min: 0.0,
-        max: 1.0,
-        typical: 0.05,
-        scaling: Scaling::Fixed,
-        doc: "delay between the issue of the command and its use by the regulator",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "command_delay", Regulator, apply;
+    "delay_s" ["s"] 0.0 ..= 1.0, neutral 0.0, typical 0.05:
+        "delay between the issue of the command and its use by the regulator";
+};
 
 fn apply([delay_s]: [f64; 1], plant: &mut Plant) {
     if delay_s > 0.0 {

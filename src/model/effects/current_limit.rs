@@ -11,26 +11,15 @@
 //! Without it the real spool is slower than simulated in large movements, alike when opening and when closing, and as fast in small ones; an
 //! ESV that trips drains past the pilot valve and is on time. Limits: sharp, the same for both signs, constant over the recording.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "current_limit",
-    stage: Stage::PilotValve,
-    source: include_str!("current_limit.rs"),
-    parameters: &[EffectParameter {
-        name: "limit_pu",
-        unit: "pu",
-        neutral: 1.0,
-        min: 0.02,
-        max: 1.0,
-        typical: 0.5,
-        scaling: Scaling::Fixed,
-        doc: "greatest current that reaches the pilot valve, over the rated one",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "current_limit", PilotValve, apply;
+    "limit_pu" ["pu"] 0.02 ..= 1.0, neutral 1.0, typical 0.5:
+        "greatest current that reaches the pilot valve, over the rated one";
+};
 
 fn apply([limit_pu]: [f64; 1], plant: &mut Plant) {
     let regulator = &mut plant.regulator;

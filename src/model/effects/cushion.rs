@@ -12,38 +12,17 @@
 //! Without it the simulated servomotor runs into its closed end at full speed while the real one slows down over the last part of
 //! the stroke, in shutdowns and rejections only. Limits: closing only; no cushion at the open end.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "cushion",
-    stage: Stage::Servomotor,
-    source: include_str!("cushion.rs"),
-    parameters: &[
-        EffectParameter {
-            name: "strength_n_s2_m2",
-            unit: "N s2/m2",
-            neutral: 0.0,
-            min: 0.0,
-            max: 5.0e9,
-            typical: 1.0e8,
-            scaling: Scaling::Cushion,
-            doc: "cushion force per speed squared at the very end",
-        },
-        EffectParameter {
-            name: "length_pu",
-            unit: "pu",
-            neutral: 0.1,
-            min: 0.005,
-            max: 0.5,
-            typical: 0.06,
-            scaling: Scaling::Fixed,
-            doc: "length of the cushion from the closed end, pu of stroke",
-        },
-    ],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "cushion", Servomotor, apply;
+    "strength_n_s2_m2" ["N s2/m2"] 0.0 ..= 5.0e9, neutral 0.0, typical 1.0e8, scales with Cushion:
+        "cushion force per speed squared at the very end";
+    "length_pu" ["pu"] 0.005 ..= 0.5, neutral 0.1, typical 0.06:
+        "length of the cushion from the closed end, pu of stroke";
+};
 
 fn apply([strength_n_s2_m2, length_pu]: [f64; 2], plant: &mut Plant) {
     let servo = &mut plant.servomotor;

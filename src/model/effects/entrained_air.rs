@@ -12,26 +12,14 @@
 //! the pressure is low. The positions show little. Limits: in the control chamber only, a dead end where air stays (the servomotor's
 //! chambers are flushed by each stroke, and 2 % there would move it by less than its sensor's noise); no solution of air in oil.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "entrained_air",
-    stage: Stage::Spool,
-    source: include_str!("entrained_air.rs"),
-    parameters: &[EffectParameter {
-        name: "free_air_share",
-        unit: "1",
-        neutral: 0.0,
-        min: 0.0,
-        max: 0.2,
-        typical: 0.03,
-        scaling: Scaling::Fixed,
-        doc: "volume share of free air at atmospheric pressure",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "entrained_air", Spool, apply;
+    "free_air_share" ["1"] 0.0 ..= 0.2, neutral 0.0, typical 0.03: "volume share of free air at atmospheric pressure";
+};
 
 fn apply([free_air_share]: [f64; 1], plant: &mut Plant) {
     plant.spool.free_air_share += free_air_share;

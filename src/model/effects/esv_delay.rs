@@ -12,28 +12,16 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "esv_delay",
-    stage: Stage::Esv,
-    source: include_str!("esv_delay.rs"),
-    parameters: &[EffectParameter {
-        name: "delay_s",
-        unit: "s",
-        neutral: 0.0,
-        min: 0.0,
-        max: 3.0,
-        typical: 0.3,
-        scaling: Scaling::Fixed,
-        doc: "time from the ESV's signal to its switching",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "esv_delay", Esv, apply;
+    "delay_s" ["s"] 0.0 ..= 3.0, neutral 0.0, typical 0.3: "time from the ESV's signal to its switching";
+};
 
 fn apply([delay_s]: [f64; 1], plant: &mut Plant) {
     if delay_s > 0.0 {

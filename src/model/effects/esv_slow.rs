@@ -13,27 +13,16 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "esv_slow",
-    stage: Stage::Esv,
-    source: include_str!("esv_slow.rs"),
-    parameters: &[EffectParameter {
-        name: "travel_s",
-        unit: "s",
-        neutral: 0.0,
-        min: 0.0,
-        max: 3.0,
-        typical: 0.3,
-        scaling: Scaling::Fixed,
-        doc: "time that the ESV needs from one end of its travel to the other",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "esv_slow", Esv, apply;
+    "travel_s" ["s"] 0.0 ..= 3.0, neutral 0.0, typical 0.3:
+        "time that the ESV needs from one end of its travel to the other";
+};
 
 fn apply([travel_s]: [f64; 1], plant: &mut Plant) {
     if travel_s > 0.0 {

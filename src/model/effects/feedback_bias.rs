@@ -11,26 +11,14 @@
 //! it; away from the ends readings agree. Limits: constant over all recordings; where no recording reaches an end of the stroke it
 //! looks like a load off the sheet, or like nothing.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "feedback_bias",
-    stage: Stage::Sensor,
-    source: include_str!("feedback_bias.rs"),
-    parameters: &[EffectParameter {
-        name: "bias_pu",
-        unit: "pu",
-        neutral: 0.0,
-        min: -0.1,
-        max: 0.1,
-        typical: 5.0e-3,
-        scaling: Scaling::Fixed,
-        doc: "offset of the servomotor's transducer, pu of stroke",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "feedback_bias", Sensor, apply;
+    "bias_pu" ["pu"] -0.1 ..= 0.1, neutral 0.0, typical 5.0e-3: "offset of the servomotor's transducer, pu of stroke";
+};
 
 fn apply([bias_pu]: [f64; 1], plant: &mut Plant) {
     plant.servomotor.reading_bias_pu += bias_pu;

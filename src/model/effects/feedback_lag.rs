@@ -11,28 +11,16 @@
 //! Without it the real reading trails the simulated one by τ in every ramp and the loop overshoots at its end. Limits: one
 //! linear lag.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 use crate::plant::lag::lag;
 use crate::plant::term::Point;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "feedback_lag",
-    stage: Stage::Sensor,
-    source: include_str!("feedback_lag.rs"),
-    parameters: &[EffectParameter {
-        name: "time_constant_s",
-        unit: "s",
-        neutral: 0.0,
-        min: 0.0,
-        max: 1.0,
-        typical: 0.05,
-        scaling: Scaling::Fixed,
-        doc: "time constant of the servomotor's transducer",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "feedback_lag", Sensor, apply;
+    "time_constant_s" ["s"] 0.0 ..= 1.0, neutral 0.0, typical 0.05: "time constant of the servomotor's transducer";
+};
 
 fn apply([time_constant_s]: [f64; 1], plant: &mut Plant) {
     if time_constant_s > 0.0 {

@@ -10,26 +10,15 @@
 //! Without it the real control pressure is higher than simulated while the servomotor opens and lower while it closes, in
 //! proportion to the spool's travel. The positions show little. Limits: steady part only; no force of accelerating oil.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "flow_force",
-    stage: Stage::Spool,
-    source: include_str!("flow_force.rs"),
-    parameters: &[EffectParameter {
-        name: "force_ratio",
-        unit: "1",
-        neutral: 0.0,
-        min: 0.0,
-        max: 5.0,
-        typical: 1.0,
-        scaling: Scaling::Fixed,
-        doc: "flow force over the theoretical one of sharp-edged ports",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "flow_force", Spool, apply;
+    "force_ratio" ["1"] 0.0 ..= 5.0, neutral 0.0, typical 1.0:
+        "flow force over the theoretical one of sharp-edged ports";
+};
 
 fn apply([force_ratio]: [f64; 1], plant: &mut Plant) {
     let ports = &mut plant.main_ports;

@@ -13,27 +13,16 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "flow_saturation",
-    stage: Stage::Spool,
-    source: include_str!("flow_saturation.rs"),
-    parameters: &[EffectParameter {
-        name: "saturated_share",
-        unit: "1",
-        neutral: 0.0,
-        min: 0.0,
-        max: 0.95,
-        typical: 0.3,
-        scaling: Scaling::Fixed,
-        doc: "part of the spool's reference stroke over which the flow grows no more",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "flow_saturation", Spool, apply;
+    "saturated_share" ["1"] 0.0 ..= 0.95, neutral 0.0, typical 0.3:
+        "part of the spool's reference stroke over which the flow grows no more";
+};
 
 fn apply([saturated_share]: [f64; 1], plant: &mut Plant) {
     if saturated_share > 0.0 {

@@ -10,26 +10,14 @@
 //! Without it the real servomotor opens slower and closes faster than simulated at the same spool position. Limits: linear in the
 //! opening, the same shape as on the sheet, without the flow's dynamics.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "load",
-    stage: Stage::Servomotor,
-    source: include_str!("load.rs"),
-    parameters: &[EffectParameter {
-        name: "extra_ratio",
-        unit: "1",
-        neutral: 0.0,
-        min: -0.95,
-        max: 3.0,
-        typical: 0.4,
-        scaling: Scaling::Fixed,
-        doc: "guide-vane load above the sheet's, relative",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "load", Servomotor, apply;
+    "extra_ratio" ["1"] -0.95 ..= 3.0, neutral 0.0, typical 0.4: "guide-vane load above the sheet's, relative";
+};
 
 fn apply([extra_ratio]: [f64; 1], plant: &mut Plant) {
     let servo = &mut plant.servomotor;

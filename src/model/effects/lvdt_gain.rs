@@ -10,26 +10,15 @@
 //! Without it the real spool reading has another value at the stops, and the servomotor moves at 1/g of the speed that the reading
 //! promises in slow movements. Limits: linear.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "lvdt_gain",
-    stage: Stage::Sensor,
-    source: include_str!("lvdt_gain.rs"),
-    parameters: &[EffectParameter {
-        name: "gain_ratio",
-        unit: "1",
-        neutral: 1.0,
-        min: 0.5,
-        max: 2.0,
-        typical: 1.08,
-        scaling: Scaling::Fixed,
-        doc: "reading of the spool's transducer over the true position",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "lvdt_gain", Sensor, apply;
+    "gain_ratio" ["1"] 0.5 ..= 2.0, neutral 1.0, typical 1.08:
+        "reading of the spool's transducer over the true position";
+};
 
 fn apply([gain_ratio]: [f64; 1], plant: &mut Plant) {
     plant.spool.reading_gain *= gain_ratio;

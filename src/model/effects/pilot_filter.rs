@@ -10,26 +10,15 @@
 //! Without it the real spool opens slower than the simulated one and closes as fast; small movements hardly differ. Limits: turbulent,
 //! constant over the recording, on the filling side only.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "pilot_filter",
-    stage: Stage::PilotValve,
-    source: include_str!("pilot_filter.rs"),
-    parameters: &[EffectParameter {
-        name: "clogging_ratio",
-        unit: "1",
-        neutral: 0.0,
-        min: 0.0,
-        max: 50.0,
-        typical: 3.0,
-        scaling: Scaling::Fixed,
-        doc: "the filter's conductance is 1/value of the fully open filling edge's",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "pilot_filter", PilotValve, apply;
+    "clogging_ratio" ["1"] 0.0 ..= 50.0, neutral 0.0, typical 3.0:
+        "the filter's conductance is 1/value of the fully open filling edge's";
+};
 
 fn apply([clogging_ratio]: [f64; 1], plant: &mut Plant) {
     let valve = &mut plant.proportional_valve;

@@ -12,26 +12,15 @@
 //! position and opening. Limits: both edges of a direction alike, the same along the port; a diagnosis tries it where the servomotor stage
 //! stands alone.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "port_asymmetry",
-    stage: Stage::Servomotor,
-    source: include_str!("port_asymmetry.rs"),
-    parameters: &[EffectParameter {
-        name: "asymmetry_ratio",
-        unit: "1",
-        neutral: 0.0,
-        min: -0.9,
-        max: 0.9,
-        typical: 0.1,
-        scaling: Scaling::Fixed,
-        doc: "gain of the opening ports above the mean of both directions, relative",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "port_asymmetry", Servomotor, apply;
+    "asymmetry_ratio" ["1"] -0.9 ..= 0.9, neutral 0.0, typical 0.1:
+        "gain of the opening ports above the mean of both directions, relative";
+};
 
 fn apply([asymmetry_ratio]: [f64; 1], plant: &mut Plant) {
     let ports = &mut plant.main_ports;

@@ -9,26 +9,15 @@
 //! Without it the simulated servomotor starts earlier than the real one after each rest or reversal, and
 //! the real spool wanders further before the servomotor follows. Limits: both sides alike, sharp edges.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "port_overlap",
-    stage: Stage::Servomotor,
-    source: include_str!("port_overlap.rs"),
-    parameters: &[EffectParameter {
-        name: "extra_overlap_m",
-        unit: "m",
-        neutral: 0.0,
-        min: -2.0e-4,
-        max: 2.0e-3,
-        typical: 2.0e-4,
-        scaling: Scaling::SpoolStroke,
-        doc: "extra overlap of the main ports, each side of neutral",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "port_overlap", Servomotor, apply;
+    "extra_overlap_m" ["m"] -2.0e-4 ..= 2.0e-3, neutral 0.0, typical 2.0e-4, scales with SpoolStroke:
+        "extra overlap of the main ports, each side of neutral";
+};
 
 fn apply([extra_overlap_m]: [f64; 1], plant: &mut Plant) {
     let ports = &mut plant.main_ports;

@@ -13,26 +13,15 @@
 //! Without it the real servomotor creeps while the spool stands within the overlap, and answers small demands more strongly than the
 //! simulated one; at large travel both agree. Limits: all four edges alike; what flows from supply past both edges to return is left out.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "port_wear",
-    stage: Stage::Servomotor,
-    source: include_str!("port_wear.rs"),
-    parameters: &[EffectParameter {
-        name: "edge_radius_m",
-        unit: "m",
-        neutral: 0.0,
-        min: 0.0,
-        max: 2.0e-3,
-        typical: 2.0e-4,
-        scaling: Scaling::SpoolStroke,
-        doc: "radius of the worn metering edges of the main ports",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "port_wear", Servomotor, apply;
+    "edge_radius_m" ["m"] 0.0 ..= 2.0e-3, neutral 0.0, typical 2.0e-4, scales with SpoolStroke:
+        "radius of the worn metering edges of the main ports";
+};
 
 fn apply([edge_radius_m]: [f64; 1], plant: &mut Plant) {
     let ports = &mut plant.main_ports;

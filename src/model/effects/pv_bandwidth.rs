@@ -10,26 +10,15 @@
 //! Without it the real spool starts a few milliseconds later than the simulated one and rings about its demand, in all manoeuvres
 //! alike. Limits: linear; the damping ratio stays.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "pv_bandwidth",
-    stage: Stage::PilotValve,
-    source: include_str!("pv_bandwidth.rs"),
-    parameters: &[EffectParameter {
-        name: "frequency_ratio",
-        unit: "1",
-        neutral: 1.0,
-        min: 0.03,
-        max: 3.0,
-        typical: 0.4,
-        scaling: Scaling::Fixed,
-        doc: "natural frequency of the pilot valve over the sheet's",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "pv_bandwidth", PilotValve, apply;
+    "frequency_ratio" ["1"] 0.03 ..= 3.0, neutral 1.0, typical 0.4:
+        "natural frequency of the pilot valve over the sheet's";
+};
 
 fn apply([frequency_ratio]: [f64; 1], plant: &mut Plant) {
     plant.proportional_valve.natural_frequency_rad_s *= frequency_ratio;

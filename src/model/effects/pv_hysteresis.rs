@@ -14,28 +14,16 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::play::Play;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "pv_hysteresis",
-    stage: Stage::PilotValve,
-    source: include_str!("pv_hysteresis.rs"),
-    parameters: &[EffectParameter {
-        name: "width_pu",
-        unit: "pu",
-        neutral: 0.0,
-        min: 0.0,
-        max: 0.5,
-        typical: 0.05,
-        scaling: Scaling::Fixed,
-        doc: "total width of the hysteresis loop on the valve current",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "pv_hysteresis", PilotValve, apply;
+    "width_pu" ["pu"] 0.0 ..= 0.5, neutral 0.0, typical 0.05: "total width of the hysteresis loop on the valve current";
+};
 
 fn apply([width_pu]: [f64; 1], plant: &mut Plant) {
     if width_pu > 0.0 {

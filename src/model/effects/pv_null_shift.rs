@@ -11,26 +11,14 @@
 //! offset of the servomotor inside the dead band. Limits: in the positions it equals an error of the regulator's current
 //! reference, which the sheet lets vary; the pilot valve's own signal tells them apart.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "pv_null_shift",
-    stage: Stage::PilotValve,
-    source: include_str!("pv_null_shift.rs"),
-    parameters: &[EffectParameter {
-        name: "null_shift_pu",
-        unit: "pu",
-        neutral: 0.0,
-        min: -0.3,
-        max: 0.3,
-        typical: 0.03,
-        scaling: Scaling::Fixed,
-        doc: "valve position at which no oil passes",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "pv_null_shift", PilotValve, apply;
+    "null_shift_pu" ["pu"] -0.3 ..= 0.3, neutral 0.0, typical 0.03: "valve position at which no oil passes";
+};
 
 fn apply([null_shift_pu]: [f64; 1], plant: &mut Plant) {
     plant.proportional_valve.null_shift_pu += null_shift_pu;

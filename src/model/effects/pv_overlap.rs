@@ -11,26 +11,15 @@
 //! the pilot valve swinging across the zone. Limits: both edges alike and sharp; where leakage
 //! or a null shift hides, it looks like one.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "pv_overlap",
-    stage: Stage::PilotValve,
-    source: include_str!("pv_overlap.rs"),
-    parameters: &[EffectParameter {
-        name: "overlap_pu",
-        unit: "pu",
-        neutral: 0.0,
-        min: 0.0,
-        max: 0.4,
-        typical: 0.05,
-        scaling: Scaling::Fixed,
-        doc: "half width of the dead zone around the pilot valve's null",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "pv_overlap", PilotValve, apply;
+    "overlap_pu" ["pu"] 0.0 ..= 0.4, neutral 0.0, typical 0.05:
+        "half width of the dead zone around the pilot valve's null";
+};
 
 fn apply([overlap_pu]: [f64; 1], plant: &mut Plant) {
     plant.proportional_valve.overlap_pu += overlap_pu;

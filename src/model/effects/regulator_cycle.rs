@@ -12,26 +12,14 @@
 //! unknown; a run between two ticks takes effect within the tick, so that the response is continuous in ΔT. `fit` and `diagnose` simulate
 //! the mean over all phases instead, and take the spread of the demand as noise to expect: a cycle jitters, and no recording tells its phase.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "regulator_cycle",
-    stage: Stage::Regulator,
-    source: include_str!("regulator_cycle.rs"),
-    parameters: &[EffectParameter {
-        name: "extra_period_s",
-        unit: "s",
-        neutral: 0.0,
-        min: 0.0,
-        max: 0.5,
-        typical: 0.04,
-        scaling: Scaling::Fixed,
-        doc: "time added to the period of the large loop",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "regulator_cycle", Regulator, apply;
+    "extra_period_s" ["s"] 0.0 ..= 0.5, neutral 0.0, typical 0.04: "time added to the period of the large loop";
+};
 
 fn apply([extra_period_s]: [f64; 1], plant: &mut Plant) {
     if extra_period_s > 0.0 {

@@ -13,26 +13,15 @@
 //! larger chamber: a loss in the pressure line does it the other way round. Limits: no inertia of the oil; pilot valve and ESV
 //! drain by a line of their own.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "return_loss",
-    stage: Stage::Supply,
-    source: include_str!("return_loss.rs"),
-    parameters: &[EffectParameter {
-        name: "loss_pa_s2_m6",
-        unit: "Pa s2/m6",
-        neutral: 0.0,
-        min: 0.0,
-        max: 5.0e10,
-        typical: 2.0e9,
-        scaling: Scaling::LineLoss,
-        doc: "quadratic loss of the return line behind the main ports",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "return_loss", Supply, apply;
+    "loss_pa_s2_m6" ["Pa s2/m6"] 0.0 ..= 5.0e10, neutral 0.0, typical 2.0e9, scales with LineLoss:
+        "quadratic loss of the return line behind the main ports";
+};
 
 fn apply([loss_pa_s2_m6]: [f64; 1], plant: &mut Plant) {
     plant.supply.return_root = plant.supply.return_root.hypot(loss_pa_s2_m6.max(0.0).sqrt());

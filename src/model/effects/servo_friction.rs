@@ -12,38 +12,16 @@
 //! Without it the real servomotor starts later after each rest and runs slower both ways; at rest it stays where it was left. Limits: the
 //! same along the stroke and both ways.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "servo_friction",
-    stage: Stage::Servomotor,
-    source: include_str!("servo_friction.rs"),
-    parameters: &[
-        EffectParameter {
-            name: "extra_coulomb_n",
-            unit: "N",
-            neutral: 0.0,
-            min: 0.0,
-            max: 5.0e5,
-            typical: 6.0e4,
-            scaling: Scaling::ServomotorForce,
-            doc: "Coulomb friction of the servomotor above the sheet's",
-        },
-        EffectParameter {
-            name: "static_ratio",
-            unit: "1",
-            neutral: 1.0,
-            min: 1.0,
-            max: 4.0,
-            typical: 1.4,
-            scaling: Scaling::Fixed,
-            doc: "friction at rest over Coulomb friction",
-        },
-    ],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "servo_friction", Servomotor, apply;
+    "extra_coulomb_n" ["N"] 0.0 ..= 5.0e5, neutral 0.0, typical 6.0e4, scales with ServomotorForce:
+        "Coulomb friction of the servomotor above the sheet's";
+    "static_ratio" ["1"] 1.0 ..= 4.0, neutral 1.0, typical 1.4: "friction at rest over Coulomb friction";
+};
 
 fn apply([extra_coulomb_n, static_ratio]: [f64; 2], plant: &mut Plant) {
     let friction = &mut plant.servomotor.friction;

@@ -10,26 +10,15 @@
 //! Without it the real piston creeps under load while the ports are shut, so that the regulator corrects again and again, and it runs
 //! slower against the load. Limits: laminar, the same along the stroke.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "servo_leak",
-    stage: Stage::Servomotor,
-    source: include_str!("servo_leak.rs"),
-    parameters: &[EffectParameter {
-        name: "leakage_m3_s_pa",
-        unit: "m3/(s Pa)",
-        neutral: 0.0,
-        min: 0.0,
-        max: 2.0e-8,
-        typical: 5.0e-10,
-        scaling: Scaling::MainLeak,
-        doc: "leakage coefficient across the piston",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "servo_leak", Servomotor, apply;
+    "leakage_m3_s_pa" ["m3/(s Pa)"] 0.0 ..= 2.0e-8, neutral 0.0, typical 5.0e-10, scales with MainLeak:
+        "leakage coefficient across the piston";
+};
 
 fn apply([leakage_m3_s_pa]: [f64; 1], plant: &mut Plant) {
     plant.servomotor.cross_leakage_m3_s_pa += leakage_m3_s_pa;

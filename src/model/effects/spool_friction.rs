@@ -12,38 +12,16 @@
 //! Without it the control pressure of the real unit swings wider about the balance, and the spool waits before each
 //! small movement. The positions show little: the small loop has force to spare. Limits: no presliding, no memory beyond the speed.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "spool_friction",
-    stage: Stage::Spool,
-    source: include_str!("spool_friction.rs"),
-    parameters: &[
-        EffectParameter {
-            name: "coulomb_n",
-            unit: "N",
-            neutral: 0.0,
-            min: 0.0,
-            max: 8000.0,
-            typical: 400.0,
-            scaling: Scaling::SpoolForce,
-            doc: "Coulomb friction of the spool",
-        },
-        EffectParameter {
-            name: "static_ratio",
-            unit: "1",
-            neutral: 1.0,
-            min: 1.0,
-            max: 3.0,
-            typical: 1.3,
-            scaling: Scaling::Fixed,
-            doc: "friction at rest over Coulomb friction",
-        },
-    ],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "spool_friction", Spool, apply;
+    "coulomb_n" ["N"] 0.0 ..= 8000.0, neutral 0.0, typical 400.0, scales with SpoolForce:
+        "Coulomb friction of the spool";
+    "static_ratio" ["1"] 1.0 ..= 3.0, neutral 1.0, typical 1.3: "friction at rest over Coulomb friction";
+};
 
 fn apply([coulomb_n, static_ratio]: [f64; 2], plant: &mut Plant) {
     let friction = &mut plant.spool.friction;

@@ -10,38 +10,15 @@
 //! Without it the simulated control pressure is higher than the real one at every place of the spool, by k d/A and
 //! more the further it opens; the positions show it only where the pressure reaches its limits, in trips above all. Limits: linear coils.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "spring",
-    stage: Stage::Spool,
-    source: include_str!("spring.rs"),
-    parameters: &[
-        EffectParameter {
-            name: "stiffness_loss_share",
-            unit: "1",
-            neutral: 0.0,
-            min: 0.0,
-            max: 0.95,
-            typical: 0.3,
-            scaling: Scaling::Fixed,
-            doc: "share of the spring's stiffness lost",
-        },
-        EffectParameter {
-            name: "preload_loss_m",
-            unit: "m",
-            neutral: 0.0,
-            min: 0.0,
-            max: 0.1,
-            typical: 0.01,
-            scaling: Scaling::SpringPreload,
-            doc: "pre-compression lost",
-        },
-    ],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "spring", Spool, apply;
+    "stiffness_loss_share" ["1"] 0.0 ..= 0.95, neutral 0.0, typical 0.3: "share of the spring's stiffness lost";
+    "preload_loss_m" ["m"] 0.0 ..= 0.1, neutral 0.0, typical 0.01, scales with SpringPreload: "pre-compression lost";
+};
 
 fn apply([stiffness_loss_share, preload_loss_m]: [f64; 2], plant: &mut Plant) {
     let spool = &mut plant.spool;

@@ -11,26 +11,15 @@
 //! Without it the simulated servomotor is too fast in large movements and right in small ones, most at the spool's stops. Limits: no inertia of
 //! the oil in the line, no accumulator behind the loss.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "supply_loss",
-    stage: Stage::Supply,
-    source: include_str!("supply_loss.rs"),
-    parameters: &[EffectParameter {
-        name: "loss_pa_s2_m6",
-        unit: "Pa s2/m6",
-        neutral: 0.0,
-        min: 0.0,
-        max: 5.0e10,
-        typical: 2.0e9,
-        scaling: Scaling::LineLoss,
-        doc: "quadratic loss of the line between tank and valve",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "supply_loss", Supply, apply;
+    "loss_pa_s2_m6" ["Pa s2/m6"] 0.0 ..= 5.0e10, neutral 0.0, typical 2.0e9, scales with LineLoss:
+        "quadratic loss of the line between tank and valve";
+};
 
 fn apply([loss_pa_s2_m6]: [f64; 1], plant: &mut Plant) {
     plant.supply.line_root = plant.supply.line_root.hypot(loss_pa_s2_m6.max(0.0).sqrt());

@@ -11,28 +11,17 @@
 //! Without it the real servomotor sets off later than simulated after every movement of the spool, and stops later. Limits: one linear lag; acts
 //! only where the recorded spool drives the servomotor stage.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 use crate::plant::lag::lag;
 use crate::plant::term::Point;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "valve_lag",
-    stage: Stage::Spool,
-    source: include_str!("valve_lag.rs"),
-    parameters: &[EffectParameter {
-        name: "time_constant_s",
-        unit: "s",
-        neutral: 0.0,
-        min: 0.0,
-        max: 5.0,
-        typical: 0.1,
-        scaling: Scaling::Fixed,
-        doc: "time constant of the valve behind its recorded signal",
-    }],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "valve_lag", Spool, apply;
+    "time_constant_s" ["s"] 0.0 ..= 5.0, neutral 0.0, typical 0.1:
+        "time constant of the valve behind its recorded signal";
+};
 
 fn apply([time_constant_s]: [f64; 1], plant: &mut Plant) {
     if time_constant_s > 0.0 {

@@ -11,38 +11,16 @@
 //! Without it the real servomotor and spool are slower than simulated at the start of a recording and agree at its end. Limits:
 //! orifices are taken as turbulent, hence independent of it; every recording starts equally cold.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
+use crate::effects::EffectSpec;
 use crate::plant::Plant;
 
 /// The effect.
-pub(crate) const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
-    id: "viscosity",
-    stage: Stage::Spool,
-    source: include_str!("viscosity.rs"),
-    parameters: &[
-        EffectParameter {
-            name: "cold_excess",
-            unit: "1",
-            neutral: 0.0,
-            min: 0.0,
-            max: 30.0,
-            typical: 3.0,
-            scaling: Scaling::Fixed,
-            doc: "viscosity at the start of a recording over the sheet's, less 1",
-        },
-        EffectParameter {
-            name: "warming_time_s",
-            unit: "s",
-            neutral: 60.0,
-            min: 1.0,
-            max: 3600.0,
-            typical: 120.0,
-            scaling: Scaling::Fixed,
-            doc: "time constant with which the oil warms",
-        },
-    ],
-    apply: &EffectLaw(apply),
-});
+pub(crate) const SPEC: EffectSpec = effect! {
+    "viscosity", Spool, apply;
+    "cold_excess" ["1"] 0.0 ..= 30.0, neutral 0.0, typical 3.0:
+        "viscosity at the start of a recording over the sheet's, less 1";
+    "warming_time_s" ["s"] 1.0 ..= 3600.0, neutral 60.0, typical 120.0: "time constant with which the oil warms";
+};
 
 fn apply([cold_excess, warming_time_s]: [f64; 2], plant: &mut Plant) {
     plant.supply.cold_excess += cold_excess;

@@ -47,10 +47,15 @@ impl Merge<'_> {
     }
 
     fn unknown<'k>(&mut self, path: &[&str], known: impl IntoIterator<Item = &'k str>) {
+        self.unknown_or(path, known, "");
+    }
+
+    /// The same; where no known key is near, `more` follows those known.
+    fn unknown_or<'k>(&mut self, path: &[&str], known: impl IntoIterator<Item = &'k str>, more: &str) {
         let known: Vec<&str> = known.into_iter().collect();
         let near = path.last().and_then(|name| nearest(name, known.iter().copied()));
-        let hint =
-            near.map_or_else(|| format!("known are {}", known.join(", ")), |near| format!("did you mean `{near}`?"));
+        let known = || format!("known are {}{more}", known.join(", "));
+        let hint = near.map_or_else(known, |near| format!("did you mean `{near}`?"));
         self.problem(path, format!("unknown key; {hint}"));
     }
 

@@ -1,6 +1,6 @@
 //! One effect of a file, read by its specification in the catalogue or by the owner's own.
 
-use crate::effects::{CATALOGUE, EffectSpec, Scaling, find_in};
+use crate::effects::{CATALOGUE, Scaling, find_in};
 use crate::parameters::EffectSetting;
 use crate::params::yaml::Node;
 
@@ -16,18 +16,16 @@ impl Merge<'_> {
             Node::Map(map) if get(map, "expression").is_some() || get(map, "at").is_some() => {
                 self.own_effect(section, id, map);
             }
-            _ => self.effect_of(CATALOGUE, section, id, node),
+            _ => self.known_effect(section, id, node),
         }
     }
 
-    /// The catalogue is an argument so that tests can bring their own.
-    fn effect_of(&mut self, catalogue: &[EffectSpec], section: &str, id: &str, node: &Node) {
+    fn known_effect(&mut self, section: &str, id: &str, node: &Node) {
         let path = [section, id];
-        let found = catalogue.iter().find(|spec| spec.id == id);
-        let Some(spec) = found.or_else(|| find_in(&self.sheet.unit, id)) else {
-            let own = self.sheet.unit.own_effects.iter().map(|own| own.id.clone()).collect::<Vec<_>>();
-            let known = catalogue.iter().map(|spec| spec.id).chain(own.iter().map(String::as_str));
-            return self.unknown_effect(&path, known);
+        let Some(spec) = find_in(&self.sheet.unit, id) else {
+            let own: Vec<String> = self.sheet.unit.own_effects.iter().map(|own| own.id.clone()).collect();
+            let known = CATALOGUE.iter().map(|spec| spec.id).chain(own.iter().map(String::as_str));
+            return self.unknown_or(&path, known, "; an effect of your own needs `at` and `expression`");
         };
         let known: Vec<&str> = spec.parameters.iter().map(|parameter| parameter.name).collect();
         let Node::Map(map) = node else {
@@ -64,53 +62,13 @@ impl Merge<'_> {
         }
         unit.effects.push(setting);
     }
-
-    fn unknown_effect<'k>(&mut self, path: &[&str], known: impl Iterator<Item = &'k str>) {
-        let known: Vec<&str> = known.collect();
-        let near = path.last().and_then(|id| crate::params::nearest(id, known.iter().copied()));
-        let hint = near.map_or_else(
-            || format!("known are {}; an effect of your own needs `at` and `expression`", known.join(", ")),
-            |near| format!("did you mean `{near}`?"),
-        );
-        self.problem(path, format!("unknown key; {hint}"));
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, Stage};
     use crate::params::sheet::Sheet;
     use crate::params::yaml;
-
-    const CATALOGUE: &[EffectSpec] = &[EffectSpec::new(EffectDefinition {
-        id: "backlash",
-        stage: Stage::Servomotor,
-        source: "",
-        parameters: &[
-            EffectParameter {
-                name: "width_pu",
-                unit: "pu",
-                neutral: 0.0,
-                min: 0.0,
-                max: 0.1,
-                typical: 0.01,
-                scaling: Scaling::Fixed,
-                doc: "",
-            },
-            EffectParameter {
-                name: "delay_s",
-                unit: "s",
-                neutral: 0.0,
-                min: 0.0,
-                max: 1.0,
-                typical: 0.1,
-                scaling: Scaling::Fixed,
-                doc: "",
-            },
-        ],
-        apply: &EffectLaw(|_, _| {}),
-    })];
 
     fn read(text: &str) -> (Vec<EffectSetting>, Vec<String>) {
         let document = yaml::parse(text).unwrap();
@@ -119,7 +77,7 @@ mod tests {
         let (source, problems) = (String::new(), Vec::new());
         let mut merge = Merge { document: &document, file: None, sheet: &mut sheet, source, problems };
         for (id, node) in effects {
-            merge.effect_of(CATALOGUE, "effects", id, node);
+            merge.effect("effects", id, node);
         }
         let problems = merge.problems.iter().map(ToString::to_string).collect();
         (sheet.unit.effects, problems)
@@ -127,21 +85,21 @@ mod tests {
 
     #[test]
     fn what_is_not_given_is_neutral() {
-        let (effects, problems) = read("backlash: {delay_s: 0.5}");
+        let (effects, problems) = read("cushion: {length_pu: 0.06}");
         assert_eq!(problems, Vec::<String>::new());
-        assert_eq!(effects, [EffectSetting { id: "backlash".to_owned(), values: vec![0.0, 0.5] }]);
+        assert_eq!(effects, [EffectSetting { id: "cushion".to_owned(), values: vec![0.0, 0.06] }]);
     }
 
     #[test]
     fn slips_are_named() {
-        let (effects, problems) = read("backlsh: {}\nbacklash: {width_pu: 2, delay: 0.1}");
+        let (effects, problems) = read("backlsh: {}\nbacklash: {play_pu: 2, play: 0.1}");
         assert!(effects.is_empty());
         assert_eq!(
             problems,
             [
                 "effects.backlsh: unknown key; did you mean `backlash`?",
-                "effects.backlash.delay: unknown key; did you mean `delay_s`?",
-                "effects.backlash.width_pu: 2.0 pu is outside the physical range, 0.0 to 0.1 pu",
+                "effects.backlash.play: unknown key; did you mean `play_pu`?",
+                "effects.backlash.play_pu: 2.0 pu is outside the physical range, 0.0 to 0.03 pu",
             ]
         );
     }
