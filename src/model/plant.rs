@@ -1,8 +1,6 @@
 //! The plant: one block per file, each an immutable law with its parameters; memory is in the state.
 
 pub(crate) mod esv;
-#[cfg(test)]
-pub(crate) mod fixture;
 pub mod friction;
 pub(crate) mod lag;
 pub mod lanes;
@@ -20,7 +18,7 @@ pub mod term;
 
 use crate::parameters::Parameters;
 use crate::plant::esv::Esv;
-use crate::plant::lanes::{Abreast, Wide, abreast, apart};
+use crate::plant::lanes::{Abreast, Wide, abreast};
 use crate::plant::main_ports::MainPorts;
 use crate::plant::proportional_valve::ProportionalValve;
 use crate::plant::regulator::{Regulator, SmallLoop};
@@ -28,7 +26,6 @@ use crate::plant::servomotor::Servomotor;
 use crate::plant::spool::Spool;
 use crate::plant::supply::Supply;
 use crate::plant::term::Terms;
-use crate::state::State;
 
 /// What acts on the continuous plant during one tick of the small loop; on one unit, or on several in lanes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -72,19 +69,19 @@ pub struct Blocks<'a, T = f64> {
     pub servomotor: &'a Servomotor<T>,
 }
 
-/// The laws of several units in lanes.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Bank<T = f64> {
-    small_loop: SmallLoop<T>,
-    supply: Supply<T>,
-    proportional_valve: ProportionalValve<T>,
-    esv: Esv<T>,
-    spool: Spool<T>,
-    main_ports: MainPorts<T>,
-    servomotor: Servomotor<T>,
+abreast! {
+    /// The laws of several units in lanes.
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct Bank<T = f64> {
+        small_loop: SmallLoop<T>,
+        supply: Supply<T>,
+        proportional_valve: ProportionalValve<T>,
+        esv: Esv<T>,
+        spool: Spool<T>,
+        main_ports: MainPorts<T>,
+        servomotor: Servomotor<T>,
+    }
 }
-
-abreast!(Bank { small_loop, supply, proportional_valve, esv, spool, main_ports, servomotor });
 
 impl<T: Wide> Bank<T> {
     /// The laws of these plants in as many lanes as `zero` has; the last plant fills what lanes are left.
@@ -107,18 +104,6 @@ impl<T: Wide> Bank<T> {
         &self.small_loop
     }
 }
-
-apart!(State {
-    pilot_position_pu,
-    pilot_rate_pu_s,
-    control_pressure_pa,
-    spool_position_m,
-    spool_velocity_m_s,
-    opening_pressure_pa,
-    closing_pressure_pa,
-    servomotor_position_m,
-    servomotor_velocity_m_s,
-});
 
 /// All blocks of one unit.
 #[derive(Clone, Debug)]
@@ -177,4 +162,10 @@ impl Plant {
             servomotor: self.servomotor,
         }
     }
+}
+
+/// The reference unit's plant.
+#[cfg(test)]
+pub(crate) fn reference() -> Plant {
+    Plant::new(&crate::params::reference().parameters)
 }

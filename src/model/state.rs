@@ -2,33 +2,37 @@
 
 use nalgebra::SVector;
 
+use crate::plant::lanes::apart;
+
 /// Number of continuous states.
 pub const DIMENSION: usize = 9;
 
 /// The state as a vector, for methods that treat all components alike.
 pub type Vector = SVector<f64, DIMENSION>;
 
-/// The continuous state of the servo system; of one unit, or of several in lanes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct State<T = f64> {
-    /// Proportional-valve position `x_p`, pu of full stroke.
-    pub pilot_position_pu: T,
-    /// Its rate, pu/s.
-    pub pilot_rate_pu_s: T,
-    /// Control-chamber pressure `P_ctrl`, Pa gauge.
-    pub control_pressure_pa: T,
-    /// Spool position `x`, m, + opens.
-    pub spool_position_m: T,
-    /// Spool speed, m/s.
-    pub spool_velocity_m_s: T,
-    /// Pressure in the servomotor's opening chamber `P_1`, Pa gauge.
-    pub opening_pressure_pa: T,
-    /// Pressure in the servomotor's closing chamber `P_2`, Pa gauge.
-    pub closing_pressure_pa: T,
-    /// Servomotor piston position `z`, m, 0 closed.
-    pub servomotor_position_m: T,
-    /// Servomotor piston speed, m/s.
-    pub servomotor_velocity_m_s: T,
+apart! {
+    /// The continuous state of the servo system; of one unit, or of several in lanes.
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    pub struct State<T = f64> {
+        /// Proportional-valve position `x_p`, pu of full stroke.
+        pub pilot_position_pu: T,
+        /// Its rate, pu/s.
+        pub pilot_rate_pu_s: T,
+        /// Control-chamber pressure `P_ctrl`, Pa gauge.
+        pub control_pressure_pa: T,
+        /// Spool position `x`, m, + opens.
+        pub spool_position_m: T,
+        /// Spool speed, m/s.
+        pub spool_velocity_m_s: T,
+        /// Pressure in the servomotor's opening chamber `P_1`, Pa gauge.
+        pub opening_pressure_pa: T,
+        /// Pressure in the servomotor's closing chamber `P_2`, Pa gauge.
+        pub closing_pressure_pa: T,
+        /// Servomotor piston position `z`, m, 0 closed.
+        pub servomotor_position_m: T,
+        /// Servomotor piston speed, m/s.
+        pub servomotor_velocity_m_s: T,
+    }
 }
 
 impl State {

@@ -8,14 +8,14 @@ use crate::plant::lanes::abreast;
 use crate::plant::orifice::{Flow, root};
 use crate::plant::real::{Real, either};
 
-/// Law and parameters of the emergency shutdown valve.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Esv<T = f64> {
-    /// Drain flow per root of pressure drop, m³/(s √Pa).
-    pub conductance: T,
+abreast! {
+    /// Law and parameters of the emergency shutdown valve.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Esv<T = f64> {
+        /// Drain flow per root of pressure drop, m³/(s √Pa).
+        pub conductance: T,
+    }
 }
-
-abreast!(Esv { conductance });
 
 impl Esv {
     /// From the sheet.

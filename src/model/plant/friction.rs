@@ -15,16 +15,16 @@ use crate::plant::lanes::abreast;
 use crate::plant::real::{Real, either};
 use crate::units::{FRICTION_CORE_M_S, STRIBECK_SPEED_M_S};
 
-/// A friction law.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Friction<T = f64> {
-    /// Coulomb friction `F_c`, N.
-    pub coulomb_n: T,
-    /// Friction at rest over Coulomb friction `r`, at least 1.
-    pub static_ratio: T,
+abreast! {
+    /// A friction law.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Friction<T = f64> {
+        /// Coulomb friction `F_c`, N.
+        pub coulomb_n: T,
+        /// Friction at rest over Coulomb friction `r`, at least 1.
+        pub static_ratio: T,
+    }
 }
-
-abreast!(Friction { coulomb_n, static_ratio });
 
 impl<T: Real> Friction<T> {
     /// Friction's size beyond the core at a speed, N.

@@ -352,9 +352,16 @@ impl<T, A: Abreast<T>> Abreast<T> for [A; 2] {
     }
 }
 
-/// Implements lanes for a law with these quantities.
+/// A law of these quantities, with its lanes.
 macro_rules! abreast {
-    ($law:ident { $($quantity:ident),* $(,)? }) => {
+    ($(#[$about:meta])* $seen:vis struct $law:ident<T = f64> {
+        $($(#[$doc:meta])* $open:vis $quantity:ident: $type:ty,)*
+    }) => {
+        $(#[$about])*
+        $seen struct $law<T = f64> {
+            $($(#[$doc])* $open $quantity: $type,)*
+        }
+
         impl<T> $crate::plant::lanes::Abreast<T> for $law {
             type Lanes = $law<T>;
 
@@ -373,8 +380,15 @@ macro_rules! abreast {
 
 /// The same, and access to one lane.
 macro_rules! apart {
-    ($law:ident { $($quantity:ident),* $(,)? }) => {
-        $crate::plant::lanes::abreast!($law { $($quantity),* });
+    ($(#[$about:meta])* $seen:vis struct $law:ident<T = f64> {
+        $($(#[$doc:meta])* $open:vis $quantity:ident: T,)*
+    }) => {
+        $crate::plant::lanes::abreast! {
+            $(#[$about])*
+            $seen struct $law<T = f64> {
+                $($(#[$doc])* $open $quantity: T,)*
+            }
+        }
 
         impl<T: $crate::plant::lanes::Wide> $law<T> {
             /// The quantities in one lane.

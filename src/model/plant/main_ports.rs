@@ -12,34 +12,26 @@ use crate::plant::orifice::{Flow, in_series, root};
 use crate::plant::real::{Lanewise, Real, either};
 use crate::plant::supply::Supply;
 
-/// Law and parameters of the main ports.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MainPorts<T = f64> {
-    /// Flow per spool travel and root of pressure drop when opening, m²/(s √Pa).
-    pub opening_gain: T,
-    /// The same when closing.
-    pub closing_gain: T,
-    /// Overlap on the opening side, m.
-    pub opening_overlap_m: T,
-    /// Overlap on the closing side, m.
-    pub closing_overlap_m: T,
-    /// Radius of the metering edges `r`, m; 0 on the sheet.
-    pub edge_radius_m: T,
-    /// Steady flow force per port travel and pressure drop, m: `2 C_d w cos θ` if it is modelled, 0 on the sheet.
-    pub flow_force_m: T,
-    /// The theoretical flow-force coefficient `2 C_d w cos 69°`, m (Merritt 1967, section 5.6).
-    pub theoretical_flow_force_m: T,
+abreast! {
+    /// Law and parameters of the main ports.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct MainPorts<T = f64> {
+        /// Flow per spool travel and root of pressure drop when opening, m²/(s √Pa).
+        pub opening_gain: T,
+        /// The same when closing.
+        pub closing_gain: T,
+        /// Overlap on the opening side, m.
+        pub opening_overlap_m: T,
+        /// Overlap on the closing side, m.
+        pub closing_overlap_m: T,
+        /// Radius of the metering edges `r`, m; 0 on the sheet.
+        pub edge_radius_m: T,
+        /// Steady flow force per port travel and pressure drop, m: `2 C_d w cos θ` if it is modelled, 0 on the sheet.
+        pub flow_force_m: T,
+        /// The theoretical flow-force coefficient `2 C_d w cos 69°`, m (Merritt 1967, section 5.6).
+        pub theoretical_flow_force_m: T,
+    }
 }
-
-abreast!(MainPorts {
-    opening_gain,
-    closing_gain,
-    opening_overlap_m,
-    closing_overlap_m,
-    edge_radius_m,
-    flow_force_m,
-    theoretical_flow_force_m,
-});
 
 /// Flows into the two chambers, and from the tank.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,11 +153,11 @@ fn drain<T: Real>(conductance: T, drop_pa: T) -> Flow<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::plant::fixture::plant;
+    use crate::plant::reference;
 
     #[test]
     fn the_overlap_is_dead_and_the_rest_is_free() {
-        let ports = plant().main_ports;
+        let ports = reference().main_ports;
         assert_eq!(ports.travel_m(1.9e-4), 0.0);
         assert_eq!(ports.travel_m(-1.9e-4), 0.0);
         assert!((ports.travel_m(1.2e-3) - 1.0e-3).abs() < 1e-15);
@@ -174,7 +166,7 @@ mod tests {
 
     #[test]
     fn a_line_loss_and_the_port_share_the_drop() {
-        let plant = plant();
+        let plant = reference();
         let mut supply = plant.supply;
         supply.line_root = 2.753e9_f64.sqrt();
         let flows = plant.main_ports.flows(5e-3, 2.0e6, 3.0e6, 6.3e6, &supply);
@@ -187,7 +179,7 @@ mod tests {
 
     #[test]
     fn directions_mirror() {
-        let plant = plant();
+        let plant = reference();
         let open = plant.main_ports.flows(2e-3, 3.0e6, 3.4e6, 6.3e6, &plant.supply);
         let close = plant.main_ports.flows(-2e-3, 3.4e6, 3.0e6, 6.3e6, &plant.supply);
         assert_eq!(open.opening, close.closing);

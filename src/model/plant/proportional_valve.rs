@@ -12,43 +12,35 @@ use crate::plant::lanes::abreast;
 use crate::plant::orifice::{Flow, in_series, root};
 use crate::plant::real::{Real, either};
 
-/// Law and parameters of the proportional valve.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ProportionalValve<T = f64> {
-    /// Natural frequency `ω_n`, rad/s.
-    pub natural_frequency_rad_s: T,
-    /// Damping ratio `ζ`.
-    pub damping_ratio: T,
-    /// Stroke per current `K`.
-    pub gain_pu: T,
-    /// Flow at full stroke per root of pressure drop, m³/(s √Pa).
-    pub conductance: T,
-    /// Half width of the dead zone around the hydraulic null, pu.
-    pub overlap_pu: T,
-    /// Valve position of the hydraulic null, pu.
-    pub null_shift_pu: T,
-    /// Inverse conductance of a restriction before the filling edge, √Pa s/m³.
-    pub filling_restriction: T,
+abreast! {
+    /// Law and parameters of the proportional valve.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct ProportionalValve<T = f64> {
+        /// Natural frequency `ω_n`, rad/s.
+        pub natural_frequency_rad_s: T,
+        /// Damping ratio `ζ`.
+        pub damping_ratio: T,
+        /// Stroke per current `K`.
+        pub gain_pu: T,
+        /// Flow at full stroke per root of pressure drop, m³/(s √Pa).
+        pub conductance: T,
+        /// Half width of the dead zone around the hydraulic null, pu.
+        pub overlap_pu: T,
+        /// Valve position of the hydraulic null, pu.
+        pub null_shift_pu: T,
+        /// Inverse conductance of a restriction before the filling edge, √Pa s/m³.
+        pub filling_restriction: T,
+    }
 }
 
-abreast!(ProportionalValve {
-    natural_frequency_rad_s,
-    damping_ratio,
-    gain_pu,
-    conductance,
-    overlap_pu,
-    null_shift_pu,
-    filling_restriction,
-});
-
-/// The exact step of the valve's linear part over a fixed time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Propagator<T = f64> {
-    end: [[T; 2]; 2],
-    mean: [T; 2],
+abreast! {
+    /// The exact step of the valve's linear part over a fixed time.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Propagator<T = f64> {
+        end: [[T; 2]; 2],
+        mean: [T; 2],
+    }
 }
-
-abreast!(Propagator { end, mean });
 
 impl ProportionalValve {
     /// From the sheet.
@@ -138,13 +130,7 @@ mod tests {
     use super::*;
 
     fn valve(damping_ratio: f64) -> ProportionalValve {
-        ProportionalValve::new(&parameters::ProportionalValve {
-            natural_frequency_rad_s: 377.0,
-            damping_ratio,
-            gain_pu: 1.0,
-            rated_flow_m3_s: 6.67e-4,
-            rated_pressure_drop_pa: 3.5e6,
-        })
+        ProportionalValve { damping_ratio, ..crate::plant::reference().proportional_valve }
     }
 
     #[test]

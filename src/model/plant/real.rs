@@ -131,6 +131,16 @@ impl<T: Real> Lanewise<T> for (T, T) {
     }
 }
 
+/// Methods that a number has of its own.
+macro_rules! own {
+    ($($method:ident($($other:ident),*)),*) => {$(
+        #[inline(always)]
+        fn $method(self $(, $other: Self)*) -> Self {
+            self.$method($($other),*)
+        }
+    )*};
+}
+
 impl Real for f64 {
     type Mask = bool;
 
@@ -139,35 +149,7 @@ impl Real for f64 {
         value
     }
 
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.sqrt()
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        self.abs()
-    }
-
-    #[inline(always)]
-    fn copysign(self, sign: Self) -> Self {
-        self.copysign(sign)
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        self.max(other)
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        self.min(other)
-    }
-
-    #[inline(always)]
-    fn clamp(self, min: Self, max: Self) -> Self {
-        self.clamp(min, max)
-    }
+    own!(sqrt(), abs(), copysign(sign), max(other), min(other), clamp(min, max));
 
     #[inline(always)]
     fn exp_unless(self, _unwanted: bool) -> Self {

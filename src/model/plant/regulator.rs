@@ -174,16 +174,16 @@ impl Regulator {
     }
 }
 
-/// The regulator's small loop, of one unit or of several in lanes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SmallLoop<T = f64> {
-    gain: T,
-    spool_reference_pu: T,
-    current_reference_pu: T,
-    current_limit_pu: T,
+abreast! {
+    /// The regulator's small loop, of one unit or of several in lanes.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub(crate) struct SmallLoop<T = f64> {
+        gain: T,
+        spool_reference_pu: T,
+        current_reference_pu: T,
+        current_limit_pu: T,
+    }
 }
-
-abreast!(SmallLoop { gain, spool_reference_pu, current_reference_pu, current_limit_pu });
 
 impl<T: Real> SmallLoop<T> {
     /// Valve current `u`, pu.
@@ -206,26 +206,9 @@ fn normal_density(z: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn sheet() -> Regulator {
-        Regulator::new(&parameters::Regulator {
-            position_gain: 30.0,
-            spool_gain: 8.0,
-            deadband_upper_pu: 0.0005,
-            deadband_lower_pu: -0.0005,
-            compensation_positive_pu: 0.015,
-            compensation_negative_pu: -0.015,
-            spool_command_min_pu: -1.0,
-            spool_command_max_pu: 1.0,
-            spool_reference_pu: 0.0,
-            current_reference_pu: 0.0,
-            large_loop_period_s: 0.010,
-            small_loop_period_s: 0.001,
-        })
-    }
-
     #[test]
     fn the_dead_band_is_closed_at_its_edges() {
-        let regulator = sheet();
+        let regulator = crate::plant::reference().regulator;
         assert_eq!(regulator.spool_command_pu(0.0004, 0.0), 0.0);
         assert_eq!(regulator.spool_command_pu(0.0005, 0.0), 0.03);
         assert_eq!(regulator.spool_command_pu(-0.0005, 0.0), -0.03);
@@ -233,7 +216,7 @@ mod tests {
 
     #[test]
     fn both_loops_saturate() {
-        let regulator = sheet();
+        let regulator = crate::plant::reference().regulator;
         assert_eq!(regulator.spool_command_pu(1.0, 0.0), 1.0);
         assert_eq!(regulator.spool_command_pu(0.0, 1.0), -1.0);
         assert_eq!(regulator.valve_current_pu(1.0, 0.0), 1.0);
@@ -242,7 +225,7 @@ mod tests {
 
     #[test]
     fn the_large_loop_keeps_its_period() {
-        let mut regulator = sheet();
+        let mut regulator = crate::plant::reference().regulator;
         let runs = |regulator: &Regulator| -> Vec<f64> {
             (0..2000).filter_map(|tick| regulator.large_loop_share(tick).map(|share| tick as f64 + share)).collect()
         };
@@ -257,14 +240,14 @@ mod tests {
 
     #[test]
     fn the_resting_reading_inverts_the_small_loop() {
-        let regulator = sheet();
+        let regulator = crate::plant::reference().regulator;
         let reading_pu = regulator.resting_reading_pu(0.1, 0.02);
         assert!((regulator.valve_current_pu(0.1, reading_pu) - 0.02).abs() < 1e-15);
     }
 
     #[test]
     fn the_dithered_command_is_the_mean_over_the_noise() {
-        let mut regulator = sheet();
+        let mut regulator = crate::plant::reference().regulator;
         regulator.dither_pu = 1.5e-4;
         for e in [-9e-4, -5e-4, -3e-4, 0.0, 2e-4, 5e-4, 6e-4, 2e-3] {
             // A midpoint sum over ±8 standard deviations.

@@ -10,58 +10,42 @@ use crate::plant::friction::Friction;
 use crate::plant::lanes::abreast;
 use crate::plant::real::{Real, either};
 
-/// Law and parameters of the servomotor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Servomotor<T = f64> {
-    /// Piston area on the opening side `A_o`, m².
-    pub opening_area_m2: T,
-    /// Piston area on the closing side `A_c`, m².
-    pub closing_area_m2: T,
-    /// Full stroke `S`, m.
-    pub stroke_m: T,
-    /// Dead volume, each side, m³.
-    pub dead_volume_m3: T,
-    /// Inverse bulk modulus, 1/Pa.
-    pub compressibility_1_pa: T,
-    /// Moving mass, kg.
-    pub mass_kg: T,
-    /// Viscous damping `B_s`, N s/m.
-    pub viscous_damping_n_s_m: T,
-    /// Friction.
-    pub friction: Friction<T>,
-    /// Load towards closing at Y = 0, N.
-    pub load_closed_n: T,
-    /// Load added at Y = 1, N.
-    pub load_slope_n: T,
-    /// Yield of the end stops, m/N.
-    pub stop_compliance_m_n: T,
-    /// Laminar leakage from the opening into the closing chamber, m³/(s Pa).
-    pub cross_leakage_m3_s_pa: T,
-    /// Cushion force per speed squared at the closed end, N s²/m².
-    pub cushion_n_s2_m2: T,
-    /// Length of the cushion from the closed end, m.
-    pub cushion_length_m: T,
-    /// Offset of the servomotor's transducer, pu.
-    pub reading_bias_pu: T,
+abreast! {
+    /// Law and parameters of the servomotor.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Servomotor<T = f64> {
+        /// Piston area on the opening side `A_o`, m².
+        pub opening_area_m2: T,
+        /// Piston area on the closing side `A_c`, m².
+        pub closing_area_m2: T,
+        /// Full stroke `S`, m.
+        pub stroke_m: T,
+        /// Dead volume, each side, m³.
+        pub dead_volume_m3: T,
+        /// Inverse bulk modulus, 1/Pa.
+        pub compressibility_1_pa: T,
+        /// Moving mass, kg.
+        pub mass_kg: T,
+        /// Viscous damping `B_s`, N s/m.
+        pub viscous_damping_n_s_m: T,
+        /// Friction.
+        pub friction: Friction<T>,
+        /// Load towards closing at Y = 0, N.
+        pub load_closed_n: T,
+        /// Load added at Y = 1, N.
+        pub load_slope_n: T,
+        /// Yield of the end stops, m/N.
+        pub stop_compliance_m_n: T,
+        /// Laminar leakage from the opening into the closing chamber, m³/(s Pa).
+        pub cross_leakage_m3_s_pa: T,
+        /// Cushion force per speed squared at the closed end, N s²/m².
+        pub cushion_n_s2_m2: T,
+        /// Length of the cushion from the closed end, m.
+        pub cushion_length_m: T,
+        /// Offset of the servomotor's transducer, pu.
+        pub reading_bias_pu: T,
+    }
 }
-
-abreast!(Servomotor {
-    opening_area_m2,
-    closing_area_m2,
-    stroke_m,
-    dead_volume_m3,
-    compressibility_1_pa,
-    mass_kg,
-    viscous_damping_n_s_m,
-    friction,
-    load_closed_n,
-    load_slope_n,
-    stop_compliance_m_n,
-    cross_leakage_m3_s_pa,
-    cushion_n_s2_m2,
-    cushion_length_m,
-    reading_bias_pu,
-});
 
 impl Servomotor {
     /// From the sheet.
@@ -138,11 +122,11 @@ impl<T: Real> Servomotor<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::plant::fixture::plant;
+    use crate::plant::reference;
 
     #[test]
     fn load_and_volumes_run_linearly_over_the_stroke() {
-        let s = plant().servomotor;
+        let s = reference().servomotor;
         assert_eq!(s.load_n(0.0), 1.5e5);
         assert_eq!(s.load_n(0.6), 4.0e5);
         assert!((s.opening_compliance_m3_pa(0.6) - 0.14e-9).abs() < 1e-18);
@@ -151,7 +135,7 @@ mod tests {
 
     #[test]
     fn the_cushion_brakes_only_the_end_of_closing() {
-        let mut s = plant().servomotor;
+        let mut s = reference().servomotor;
         s.cushion_n_s2_m2 = 1e8;
         s.cushion_length_m = 0.06;
         assert_eq!(s.damping_n_s_m(0.07, -0.1, 1.0), s.viscous_damping_n_s_m);

@@ -13,70 +13,50 @@ use crate::plant::real::{Real, either};
 /// Standard atmosphere, Pa: gauge pressures count from it.
 const ATMOSPHERE_PA: f64 = 101_325.0;
 
-/// Law and parameters of the spool and its control chamber.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spool<T = f64> {
-    /// Moving mass `m`, kg.
-    pub mass_kg: T,
-    /// Viscous damping `B`, N s/m.
-    pub viscous_damping_n_s_m: T,
-    /// Control-chamber area `A_ctrl`, m².
-    pub control_area_m2: T,
-    /// Constant-pressure area `A_cons`, m².
-    pub constant_area_m2: T,
-    /// Spring stiffness `k`, N/m.
-    pub spring_stiffness_n_m: T,
-    /// Spring pre-compression `δ_0`, m.
-    pub spring_precompression_m: T,
-    /// Leakage from supply into the chamber `C_l`, m³/(s Pa).
-    pub leakage_m3_s_pa: T,
-    /// Leakage from the chamber to return `C_r`, m³/(s Pa).
-    pub return_leakage_m3_s_pa: T,
-    /// Chamber volume at neutral `V_0`, m³.
-    pub control_volume_m3: T,
-    /// Inverse bulk modulus of air-free oil, 1/Pa.
-    pub compressibility_1_pa: T,
-    /// Volume share of free air at atmospheric pressure.
-    pub free_air_share: T,
-    /// Stroke of 1 pu, m.
-    pub reference_stroke_m: T,
-    /// Stop on the closing side, m.
-    pub stroke_min_m: T,
-    /// Stop on the opening side, m.
-    pub stroke_max_m: T,
-    /// Yield of the stops, m/N.
-    pub stop_compliance_m_n: T,
-    /// Weight towards opening `m g`, N.
-    pub weight_n: T,
-    /// Friction.
-    pub friction: Friction<T>,
-    /// Gain of the spool transducer.
-    pub reading_gain: T,
-    /// Offset of the spool transducer, pu.
-    pub reading_bias_pu: T,
+abreast! {
+    /// Law and parameters of the spool and its control chamber.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Spool<T = f64> {
+        /// Moving mass `m`, kg.
+        pub mass_kg: T,
+        /// Viscous damping `B`, N s/m.
+        pub viscous_damping_n_s_m: T,
+        /// Control-chamber area `A_ctrl`, m².
+        pub control_area_m2: T,
+        /// Constant-pressure area `A_cons`, m².
+        pub constant_area_m2: T,
+        /// Spring stiffness `k`, N/m.
+        pub spring_stiffness_n_m: T,
+        /// Spring pre-compression `δ_0`, m.
+        pub spring_precompression_m: T,
+        /// Leakage from supply into the chamber `C_l`, m³/(s Pa).
+        pub leakage_m3_s_pa: T,
+        /// Leakage from the chamber to return `C_r`, m³/(s Pa).
+        pub return_leakage_m3_s_pa: T,
+        /// Chamber volume at neutral `V_0`, m³.
+        pub control_volume_m3: T,
+        /// Inverse bulk modulus of air-free oil, 1/Pa.
+        pub compressibility_1_pa: T,
+        /// Volume share of free air at atmospheric pressure.
+        pub free_air_share: T,
+        /// Stroke of 1 pu, m.
+        pub reference_stroke_m: T,
+        /// Stop on the closing side, m.
+        pub stroke_min_m: T,
+        /// Stop on the opening side, m.
+        pub stroke_max_m: T,
+        /// Yield of the stops, m/N.
+        pub stop_compliance_m_n: T,
+        /// Weight towards opening `m g`, N.
+        pub weight_n: T,
+        /// Friction.
+        pub friction: Friction<T>,
+        /// Gain of the spool transducer.
+        pub reading_gain: T,
+        /// Offset of the spool transducer, pu.
+        pub reading_bias_pu: T,
+    }
 }
-
-abreast!(Spool {
-    mass_kg,
-    viscous_damping_n_s_m,
-    control_area_m2,
-    constant_area_m2,
-    spring_stiffness_n_m,
-    spring_precompression_m,
-    leakage_m3_s_pa,
-    return_leakage_m3_s_pa,
-    control_volume_m3,
-    compressibility_1_pa,
-    free_air_share,
-    reference_stroke_m,
-    stroke_min_m,
-    stroke_max_m,
-    stop_compliance_m_n,
-    weight_n,
-    friction,
-    reading_gain,
-    reading_bias_pu,
-});
 
 impl Spool {
     /// From the sheet.
@@ -179,7 +159,7 @@ mod tests {
 
     #[test]
     fn the_balance_pressure_balances() {
-        let unit = crate::plant::fixture::plant();
+        let unit = crate::plant::reference();
         for position_m in [-0.015, -0.004, 0.0, 0.012] {
             let pressure_pa = unit.spool.balance_pressure_pa(position_m, 6.3e6);
             assert!(unit.spool.static_force_n(position_m, pressure_pa, 6.3e6).abs() < 1e-8);
@@ -188,7 +168,7 @@ mod tests {
 
     #[test]
     fn the_spring_pushes_one_way_only() {
-        let mut spool = crate::plant::fixture::plant().spool;
+        let mut spool = crate::plant::reference().spool;
         spool.spring_precompression_m = 0.005;
         assert_eq!(spool.spring_force_n(-0.006), 0.0);
         assert!((spool.spring_force_n(0.001) - 0.006 * spool.spring_stiffness_n_m).abs() < 1e-9);

@@ -103,8 +103,8 @@ fn moving_speed_m_s(plant: &Plant, travel_m: f64, z: f64, drive: &Drive) -> f64 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plant::fixture::plant;
     use crate::plant::rates::rates;
+    use crate::plant::reference;
 
     fn drive(current_pu: f64) -> Drive {
         Drive { valve_current_pu: current_pu, esv_opening_pu: 1.0, tank_pressure_pa: 6.3e6, ..Drive::default() }
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn nothing_moves_at_rest_at_any_opening() {
-        let plant = plant();
+        let plant = reference();
         for k in 0..=10 {
             let z = 0.06 * f64::from(k);
             let state = steady(&plant, z, None, &drive(0.0));
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn a_moving_start_is_balanced_too() {
-        let plant = plant();
+        let plant = reference();
         for x in [-0.012, -0.002, 0.002, 0.010] {
             let state = steady(&plant, 0.3, Some(x), &drive(0.0));
             let r = rates(&plant, &state, &drive(0.0));

@@ -13,22 +13,22 @@ use crate::parameters;
 use crate::plant::lanes::abreast;
 use crate::plant::real::{Real, either};
 
-/// Law and parameters of the supply.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Supply<T = f64> {
-    /// Return pressure `P_t`, Pa gauge.
-    pub return_pressure_pa: T,
-    /// √R: the inverse conductance of the line, √Pa s/m³.
-    pub line_root: T,
-    /// √R_r: the inverse conductance of the return line behind the main ports, √Pa s/m³.
-    pub return_root: T,
-    /// Viscosity at the first frame over the sheet's, less 1.
-    pub cold_excess: T,
-    /// Time constant with which cold oil warms, s.
-    pub warming_time_s: T,
+abreast! {
+    /// Law and parameters of the supply.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Supply<T = f64> {
+        /// Return pressure `P_t`, Pa gauge.
+        pub return_pressure_pa: T,
+        /// √R: the inverse conductance of the line, √Pa s/m³.
+        pub line_root: T,
+        /// √R_r: the inverse conductance of the return line behind the main ports, √Pa s/m³.
+        pub return_root: T,
+        /// Viscosity at the first frame over the sheet's, less 1.
+        pub cold_excess: T,
+        /// Time constant with which cold oil warms, s.
+        pub warming_time_s: T,
+    }
 }
-
-abreast!(Supply { return_pressure_pa, line_root, return_root, cold_excess, warming_time_s });
 
 impl Supply {
     /// From the sheet: no losses in lines.

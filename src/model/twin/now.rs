@@ -5,18 +5,18 @@ use crate::plant::lanes::{Abreast, Wide, apart};
 use crate::plant::real::Real;
 use crate::state::State;
 
-/// Inputs in force.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Acting<T = f64> {
-    pub opening_command_pu: T,
-    /// 1 in NORMAL, 0 in SHUTDOWN.
-    pub esv_opening_pu: T,
-    pub tank_pressure_pa: T,
-    /// + opens.
-    pub piston_force_n: T,
+apart! {
+    /// Inputs in force.
+    #[derive(Clone, Copy, Debug)]
+    pub(super) struct Acting<T = f64> {
+        pub opening_command_pu: T,
+        /// 1 in NORMAL, 0 in SHUTDOWN.
+        pub esv_opening_pu: T,
+        pub tank_pressure_pa: T,
+        /// + opens.
+        pub piston_force_n: T,
+    }
 }
-
-apart!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa, piston_force_n });
 
 impl Acting {
     /// Takes the finite ones of new inputs; the others keep their values.
@@ -39,14 +39,14 @@ pub(super) fn esv_opening_pu(esv: EsvState) -> f64 {
     f64::from(u8::from(esv == EsvState::Normal))
 }
 
-/// What the large loop demands of the spool, and the standard deviation of that, pu.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Demand<T = f64> {
-    pub spool_command_pu: T,
-    pub sd_pu: T,
+apart! {
+    /// What the large loop demands of the spool, and the standard deviation of that, pu.
+    #[derive(Clone, Copy, Debug)]
+    pub(super) struct Demand<T = f64> {
+        pub spool_command_pu: T,
+        pub sd_pu: T,
+    }
 }
-
-apart!(Demand { spool_command_pu, sd_pu });
 
 /// The state from tick to tick, besides the memories of terms and the large loop.
 #[derive(Clone, Copy, Debug)]

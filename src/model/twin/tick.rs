@@ -69,15 +69,15 @@ impl Seen {
     }
 }
 
-/// What the large loop reads.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct TickReads<T = f64> {
-    pub command_pu: T,
-    pub servomotor_pu: T,
-    pub servomotor_velocity_m_s: T,
+apart! {
+    /// What the large loop reads.
+    #[derive(Clone, Copy, Debug)]
+    pub(super) struct TickReads<T = f64> {
+        pub command_pu: T,
+        pub servomotor_pu: T,
+        pub servomotor_velocity_m_s: T,
+    }
 }
-
-apart!(TickReads { command_pu, servomotor_pu, servomotor_velocity_m_s });
 
 /// One plant or several in lanes, with the memories of their terms and large loops.
 pub(super) trait Chain<T: Real> {

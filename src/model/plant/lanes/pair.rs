@@ -90,6 +90,16 @@ impl<T: Real> Neg for Pair<T> {
     }
 }
 
+/// Methods that treat both halves alike.
+macro_rules! both {
+    ($made:ident => $result:ty: $($method:ident($($other:ident: $type:ty),*)),*) => {$(
+        #[inline(always)]
+        fn $method(self $(, $other: $type)*) -> $result {
+            $made(self.0.$method($($other.0),*), self.1.$method($($other.1),*))
+        }
+    )*};
+}
+
 impl<T: Real> Real for Pair<T> {
     type Mask = Masks<T::Mask>;
 
@@ -98,55 +108,9 @@ impl<T: Real> Real for Pair<T> {
         Self(self.0.like(value), self.1.like(value))
     }
 
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self(self.0.sqrt(), self.1.sqrt())
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        Self(self.0.abs(), self.1.abs())
-    }
-
-    #[inline(always)]
-    fn copysign(self, sign: Self) -> Self {
-        Self(self.0.copysign(sign.0), self.1.copysign(sign.1))
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        Self(self.0.max(other.0), self.1.max(other.1))
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        Self(self.0.min(other.0), self.1.min(other.1))
-    }
-
-    #[inline(always)]
-    fn clamp(self, min: Self, max: Self) -> Self {
-        Self(self.0.clamp(min.0, max.0), self.1.clamp(min.1, max.1))
-    }
-
-    #[inline(always)]
-    fn exp_unless(self, unwanted: Self::Mask) -> Self {
-        Self(self.0.exp_unless(unwanted.0), self.1.exp_unless(unwanted.1))
-    }
-
-    #[inline(always)]
-    fn eq(self, other: Self) -> Self::Mask {
-        Masks(self.0.eq(other.0), self.1.eq(other.1))
-    }
-
-    #[inline(always)]
-    fn lt(self, other: Self) -> Self::Mask {
-        Masks(self.0.lt(other.0), self.1.lt(other.1))
-    }
-
-    #[inline(always)]
-    fn le(self, other: Self) -> Self::Mask {
-        Masks(self.0.le(other.0), self.1.le(other.1))
-    }
+    both!(Self => Self: sqrt(), abs(), copysign(sign: Self), max(other: Self), min(other: Self));
+    both!(Self => Self: clamp(min: Self, max: Self), exp_unless(unwanted: Self::Mask));
+    both!(Masks => Self::Mask: eq(other: Self), lt(other: Self), le(other: Self));
 
     #[inline(always)]
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
