@@ -5,7 +5,7 @@ use govtwin_correction::booster::{Hyperparameters, grow};
 use govtwin_correction::forest::Forest;
 use govtwin_correction::guard::Guard;
 use govtwin_diagnosis::generate::{self, Scenario};
-use govtwin_lab::comparison::closed::{PULL_1_S, pull, twin};
+use govtwin_lab::comparison::closed::{pull, twin};
 use govtwin_lab::comparison::inloop::FEATURES;
 use govtwin_model::parameters::{EffectSetting, Unit};
 use govtwin_model::params;
@@ -35,7 +35,7 @@ fn what_was_learned_inside_the_loop_helps_in_free_run() {
     real.effects.push(EffectSetting { id: "pv_null_shift".into(), values: vec![0.05] });
     let (mut values, mut targets) = (vec![], vec![]);
     for recording in [1, 2].iter().flat_map(|seed| recordings(&real, *seed)) {
-        let pulled = pull(&unit, &recording, PULL_1_S);
+        let pulled = pull(&unit, &recording);
         values.extend(pulled.values);
         targets.extend(pulled.targets);
     }

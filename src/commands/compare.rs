@@ -13,18 +13,18 @@ use govtwin_correction::split::{RowSplit, seven_to_three};
 use govtwin_correction::table::FeatureTable;
 use govtwin_diagnosis::identification::calibration::PARTS;
 use govtwin_diagnosis::replay_summary::cut_id;
+use govtwin_lab::comparison::Contender;
 use govtwin_lab::comparison::ablation::{Parents, STEPS, ablation, same_rows};
 use govtwin_lab::comparison::breakdown::{ErrorBreakdown, breakdown};
 use govtwin_lab::comparison::closed::closed_loop;
-use govtwin_lab::comparison::contenders::{LeftOutProcess, leave_one_out};
+use govtwin_lab::comparison::contenders::leave_one_out;
 use govtwin_lab::comparison::coverage::covered_by_distance;
 use govtwin_lab::comparison::limit::{LimitKnowledge, limit};
 use govtwin_lab::comparison::page::{HYBRIDS, Shown, breakdown_table, models_table, page, spread_table};
 use govtwin_lab::comparison::refit::{refit, teaching};
 use govtwin_lab::comparison::summary::{
-    Claims, ComparisonSummary, FreeRunFigures, Importance, ModelFigures, SCHEMA, UnseenProcess, claims, covered, spread,
+    ComparisonSummary, FreeRunFigures, Importance, ModelFigures, SCHEMA, claims, covered, spread,
 };
-use govtwin_lab::comparison::{Contender, ModelStanding};
 use govtwin_model::parameters::Unit;
 use govtwin_model::signal::Signal;
 use govtwin_model::twin::Cut;
@@ -107,10 +107,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let parents = Parents { plain: &ready.table, drawn: &drawn, refitted: refitted.as_ref() };
     check_rows(&parents)?;
     let seeds: Vec<u64> = (0..args.seeds).map(|k| args.learn.seed + k).collect();
-    let standings_of = |contenders: &[Contender]| -> Vec<ModelStanding> {
-        contenders.iter().map(|one| ModelStanding::of(&ready.table, &split.test, one)).collect()
+    let figures_of = |contenders: &[Contender]| -> Vec<ModelFigures> {
+        contenders.iter().map(|one| ModelFigures::of(&ready.table, &split.test, one)).collect()
     };
-    let (mut first, mut every, mut steps): (Option<Competitors>, Vec<Vec<ModelStanding>>, Vec<Vec<ModelStanding>>) =
+    let (mut first, mut every, mut steps): (Option<Competitors>, Vec<Vec<ModelFigures>>, Vec<Vec<ModelFigures>>) =
         (None, vec![], vec![]);
     for &seed in &seeds {
         let mut found = field(&args.learn, &parents, &split, seed, &ready.sheet.unit)?;
@@ -126,10 +126,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             let recordings = (&ready.recordings[..], grid_ns(&unit));
             found.contenders.push(limit(&unit, ready.cut, recordings, rows, (known, seed)));
         }
-        every.push(standings_of(&found.contenders));
+        every.push(figures_of(&found.contenders));
         first.get_or_insert(found);
         let progress = Progress::new(STEPS, "steps of the ablation");
-        steps.push(standings_of(&ablation(&parents, &split, &Hyperparameters::MANUAL, seed, || progress.step())?));
+        steps.push(figures_of(&ablation(&parents, &split, &Hyperparameters::MANUAL, seed, || progress.step())?));
     }
     let field = first.context("no seed was given")?;
     let broken = broken(&parents, &split, &field)?;
@@ -139,15 +139,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let closed_loop = free_run(args, &ready)?;
 
     let table = &ready.table;
-    let standings = standings_of(&field.contenders);
-    let named = |id: &str| standings.iter().find(|one| one.id == id).context("a model of the comparison is missing");
-    let mut ranked: Vec<&ModelStanding> = standings.iter().filter(|one| HYBRIDS.contains(&one.id)).collect();
+    let models = figures_of(&field.contenders);
+    let named = |id: &str| models.iter().find(|one| one.id == id).context("a model of the comparison is missing");
+    let mut ranked: Vec<&ModelFigures> = models.iter().filter(|one| HYBRIDS.contains(&one.id)).collect();
     ranked.sort_by(|a, b| a.overall.mae.total_cmp(&b.overall.mae));
-    let unseen = |one: &LeftOutProcess| UnseenProcess {
-        process: one.process.id(),
-        models: one.models.iter().map(ModelFigures::from).collect(),
-        band: one.band.clone(),
-    };
     let of_hybrid = field.contenders.iter().find(|one| one.id == "mdhm").map(|one| &one.estimates[..]);
     let alone = [named("mbm")?, named("ddm")?];
     let by_distance = |band: Band| -> anyhow::Result<_> {
@@ -166,19 +161,16 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         ]),
         recordings: ready.cleanings.clone(),
         ranking: ranked.iter().map(|one| one.id).collect(),
-        claims: [
-            Claims { of: "MDHM", hybrid: named("mdhm")? },
-            Claims { of: "the gated hybrid", hybrid: named("gate")? },
-        ]
-        .iter()
-        .flat_map(|one| claims(one, alone))
-        .collect(),
-        models: standings.iter().map(ModelFigures::from).collect(),
+        claims: [("MDHM", named("mdhm")?), ("the gated hybrid", named("gate")?)]
+            .into_iter()
+            .flat_map(|(of, hybrid)| claims(of, hybrid, alone))
+            .collect(),
+        models,
         seeds,
         spread: spread(&every),
         ablation: spread(&steps),
         breakdown: broken,
-        left_out_process: left_out.iter().map(unseen).collect(),
+        left_out_process: left_out,
         band_by_distance: field.paper.band.map(by_distance).transpose()?.unwrap_or_default(),
         searches: field.searches,
         importance: importance(&field.paper),
@@ -247,9 +239,8 @@ fn free_run(args: &Args, ready: &TrainingData) -> anyhow::Result<Option<FreeRunF
     let progress = Progress::new(3, "steps of the residual inside the loop");
     let split = seven_to_three(&ready.table);
     let (unit, seed) = (&ready.sheet.unit, args.learn.seed);
-    let judged = closed_loop(unit, (&ready.recordings, grid_ns(unit)), &ready.table, &split, seed, || progress.step())?;
-    let scored = |standings: &[ModelStanding]| standings.iter().map(ModelFigures::from).collect();
-    Ok(Some(FreeRunFigures { spool: scored(&judged.spool), servomotor: scored(&judged.servomotor) }))
+    let recordings = (&ready.recordings[..], grid_ns(unit));
+    Ok(Some(closed_loop(unit, recordings, &ready.table, &split, seed, || progress.step())?))
 }
 
 fn settings(args: &Args, ready: &TrainingData, hybrid: &Model) -> BTreeMap<&'static str, String> {

@@ -7,11 +7,11 @@ use govtwin_correction::prepare::Cleaning;
 use govtwin_correction::row::RateOfInputs;
 use govtwin_correction::split::seven_to_three;
 use govtwin_correction::training::{self, GuardKind};
+use govtwin_lab::comparison::Contender;
 use govtwin_lab::comparison::contenders::{self, mechanism, trained};
 use govtwin_lab::comparison::coverage::{CoveredAt, covered_by_distance};
 use govtwin_lab::comparison::page::{Training, models_table, training_page};
 use govtwin_lab::comparison::summary::{Covered, ModelFigures, Searched, covered};
-use govtwin_lab::comparison::{Contender, ModelStanding};
 use govtwin_model::recording::Process;
 use govtwin_model::twin::Cut;
 use serde::Serialize;
@@ -146,17 +146,16 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let by_distance = model.band.map(|band| covered_by_distance(table, &split.test, &forest, (&model.guard, &band)));
     let band = model.band.map(|band| covered(table, &split.test, &estimates, &band));
     let guarded = contenders::estimates(&forest, table, &split.test, Learned::Residual, Some(&model.guard));
-    let standings = [
+    let scored = [
         mechanism(table, &split.test),
         Contender { id: "hybrid", title: "hybrid", estimates },
         Contender { id: "guarded", title: "hybrid, guarded", estimates: guarded },
     ]
-    .map(|contender| ModelStanding::of(table, &split.test, &contender));
+    .map(|contender| ModelFigures::of(table, &split.test, &contender));
     let text = model.to_text().context("the model holds a number that is not finite")?;
     let path = output.path("model.residual");
     output.add("model.residual", text.as_bytes())?;
 
-    let scored: Vec<ModelFigures> = standings.iter().map(ModelFigures::from).collect();
     let mut said = table_text(&models_table(&scored, model.unit.as_str()));
     said.extend(ready.origin.iter().map(|origin| format!("{origin}\n")));
     if let Some(band) = &band {
@@ -182,7 +181,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         origin: ready.origin,
         recordings: ready.cleanings,
         hyperparameters: model.hyperparameters,
-        models: scored,
+        models: scored.into(),
         searches,
         band,
         band_by_distance,

@@ -43,10 +43,6 @@ pub mod page;
 pub mod refit;
 pub mod summary;
 
-use govtwin_correction::table::FeatureTable;
-use govtwin_model::metrics::{Accumulator, Figures};
-use govtwin_model::recording::Process;
-
 /// A model's word for some rows of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contender {
@@ -58,62 +54,10 @@ pub struct Contender {
     pub estimates: Vec<f64>,
 }
 
-/// How far a model is off, in each process and over all.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ModelStanding {
-    /// Its id.
-    pub id: &'static str,
-    /// Its title.
-    pub title: &'static str,
-    /// The processes that have rows, in their usual order.
-    pub processes: Vec<(Process, Figures)>,
-    /// Over all rows.
-    pub overall: Figures,
-}
-
-impl ModelStanding {
-    /// Compares estimates with what was measured at `rows`.
-    pub fn of(table: &FeatureTable, rows: &[usize], contender: &Contender) -> Self {
-        let pairs = |process: Option<Process>| {
-            let of_process = rows
-                .iter()
-                .zip(&contender.estimates)
-                .map(|(&row, estimate)| (&table.marks[row], *estimate))
-                .filter(|(mark, _)| process.is_none_or(|process| mark.process == process));
-            Accumulator::of(of_process.map(|(mark, estimate)| (mark.measured, estimate))).figures()
-        };
-        let of_process = |process| (process, pairs(Some(process)));
-        Self {
-            id: contender.id,
-            title: contender.title,
-            processes: Process::ALL.map(of_process).into_iter().filter(|(_, figures)| figures.count > 0).collect(),
-            overall: pairs(None),
-        }
-    }
-
-    /// The figures of one process.
-    pub fn process(&self, process: Process) -> Option<&Figures> {
-        self.processes.iter().find(|(own, _)| *own == process).map(|(_, figures)| figures)
-    }
-
-    /// Mean of R² over processes, as the paper averages it.
-    pub(crate) fn mean_r2(&self) -> f64 {
-        self.processes.iter().map(|(_, figures)| figures.r2).sum::<f64>() / self.processes.len() as f64
-    }
-}
-
-/// By how much `ours` is below `theirs`, percent: lowest and highest over processes.
-pub(crate) fn reduction(ours: &ModelStanding, theirs: &ModelStanding, figure: fn(&Figures) -> f64) -> [f64; 2] {
-    let of = |(process, own): &(Process, Figures)| {
-        theirs.process(*process).map(|other| 100.0 * (1.0 - figure(own) / figure(other)))
-    };
-    let reductions = ours.processes.iter().filter_map(of);
-    reductions.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
-}
-
 #[cfg(test)]
 pub(super) mod tests {
-    use super::{Contender, ModelStanding, reduction};
+    use super::Contender;
+    use super::summary::{ModelFigures, reduction};
     use govtwin_correction::features;
     use govtwin_correction::row::{Opening, RateOfInputs};
     use govtwin_correction::table::{FeatureTable, RowMark, TableLayout};
@@ -165,11 +109,11 @@ pub(super) mod tests {
         let rows: Vec<usize> = (0..20).collect();
         let off = |by: [f64; 2]| {
             let estimates = rows.iter().map(|&row| row as f64 + by[row / 10]).collect();
-            ModelStanding::of(&table, &rows, &Contender { id: "a", title: "A", estimates })
+            ModelFigures::of(&table, &rows, &Contender { id: "a", title: "A", estimates })
         };
         let (ours, theirs) = (off([0.25, -0.5]), off([1.0, 1.0]));
-        assert_eq!(ours.process(Process::Startup).unwrap().mae, 0.25);
-        assert_eq!(ours.process(Process::LoadIncrease), None);
+        assert_eq!(ours.process("startup").unwrap().mae, 0.25);
+        assert_eq!(ours.process("load_increase"), None);
         assert_eq!(ours.overall.mae, 0.375);
         assert_eq!(reduction(&ours, &theirs, |figures| figures.mae), [50.0, 75.0]);
         assert!(ours.mean_r2() < 1.0 && ours.mean_r2() > theirs.mean_r2());

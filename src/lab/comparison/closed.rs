@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use super::Contender;
 use super::contenders::estimates;
 use super::inloop::{self, FEATURES, Pull, at, features};
-use super::{Contender, ModelStanding};
+use super::summary::{FreeRunFigures, ModelFigures};
 use govtwin_correction::booster::{Hyperparameters, TrainError, grow};
 use govtwin_correction::forest::Forest;
 use govtwin_correction::guard::Guard;
@@ -25,7 +26,7 @@ use govtwin_model::twin::Twin;
 use govtwin_model::units::seconds_from_nanos;
 
 /// Gain of the pull to the recorded spool, 1/s.
-pub const PULL_1_S: f64 = 30.0;
+const PULL_1_S: f64 = 30.0;
 
 /// Rows of features with the rate that the twin misses there, m/s; index of the frame beside each.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,9 +39,9 @@ pub struct Pulled {
     pub frames: Vec<usize>,
 }
 
-/// Pulls a twin along a recorded spool with a gain in 1/s. Where rows are slow, draw the inputs in between them first
+/// Pulls a twin along a recorded spool. Where rows are slow, draw the inputs in between them first
 /// ([`govtwin_model::replay::between`]): the pull would learn their lag.
-pub fn pull(unit: &Unit, recording: &Recording, pull_1_s: f64) -> Pulled {
+pub fn pull(unit: &Unit, recording: &Recording) -> Pulled {
     let mut plant = plant(unit);
     let start_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
     let path = recording.frames.iter().filter(|frame| frame.measured.spool_position_pu.is_finite()).map(|frame| {
@@ -48,13 +49,13 @@ pub fn pull(unit: &Unit, recording: &Recording, pull_1_s: f64) -> Pulled {
         [time_s, plant.spool.position_m(frame.measured.spool_position_pu)]
     });
     let path: Vec<[f64; 2]> = path.collect();
-    plant.terms.push(Arc::new(Pull { path: path.clone(), area_m2: plant.spool.control_area_m2, gain_1_s: pull_1_s }));
+    plant.terms.push(Arc::new(Pull { path: path.clone(), area_m2: plant.spool.control_area_m2, gain_1_s: PULL_1_S }));
     let mut twin = Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default());
     let mut pulled = Pulled::default();
     for (index, frame) in recording.frames.iter().enumerate() {
         let _ = twin.step(frame);
         let time_s = seconds_from_nanos(frame.time_ns - start_ns);
-        let missing_m_s = pull_1_s * (at(&path, time_s) - twin.state().spool_position_m);
+        let missing_m_s = PULL_1_S * (at(&path, time_s) - twin.state().spool_position_m);
         let row = features(twin.state(), frame.inputs.tank_pressure_pa);
         if frame.measured.spool_position_pu.is_finite()
             && missing_m_s.is_finite()
@@ -81,16 +82,8 @@ fn plant(unit: &Unit) -> Plant {
     plant
 }
 
-/// Standings of the twin alone, with the additive residual and with the one inside, for spool and servomotor.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ClosedLoop {
-    /// Spool position.
-    pub spool: Vec<ModelStanding>,
-    /// Servomotor position, which an additive residual of the spool cannot reach.
-    pub servomotor: Vec<ModelStanding>,
-}
-
-/// Trains both residuals with the manual hyperparameters on the training rows, and evaluates them on the others, guarded.
+/// Trains both residuals with the manual hyperparameters on the training rows, and evaluates them on the others, guarded, beside the twin
+/// alone. An additive residual of the spool cannot reach the servomotor.
 ///
 /// The table must have been made of these recordings, in closed loop, with inputs that run straight between rows on a grid of `grid_ns`.
 ///
@@ -103,7 +96,7 @@ pub fn closed_loop(
     split: &RowSplit,
     seed: u64,
     mut done: impl FnMut(),
-) -> Result<ClosedLoop, TrainError> {
+) -> Result<FreeRunFigures, TrainError> {
     let width = table.layout.features.len();
     let (trees, _) = training::fit(table, &split.train, Learned::Residual, &Hyperparameters::MANUAL, seed)?;
     let guard = Guard::of(&table.select(&split.train), width, &targets(table, &split.train, Learned::Residual));
@@ -117,7 +110,7 @@ pub fn closed_loop(
     }
     let (mut values, mut missing) = (vec![], vec![]);
     for ((recording, _), teaches) in drawn.iter().zip(&teaches) {
-        let pulled = pull(unit, recording, PULL_1_S);
+        let pulled = pull(unit, recording);
         for (row, _) in pulled.frames.iter().enumerate().filter(|(_, frame)| teaches[**frame]) {
             values.extend(&pulled.values[row * FEATURES..(row + 1) * FEATURES]);
             missing.push(pulled.targets[row]);
@@ -143,10 +136,10 @@ pub fn closed_loop(
             contender("additive", "additive residual", additive),
             contender("inside", "residual inside the loop", of(&free, signal)),
         ];
-        contenders.map(|one| ModelStanding::of(&judged, &split.test, &one)).to_vec()
+        contenders.map(|one| ModelFigures::of(&judged, &split.test, &one)).to_vec()
     };
     let untouched = of(&plain, Signal::ServomotorPosition);
-    Ok(ClosedLoop {
+    Ok(FreeRunFigures {
         spool: field(Signal::SpoolPosition, additive),
         servomotor: field(Signal::ServomotorPosition, untouched),
     })
@@ -163,39 +156,30 @@ fn judged(table: &FeatureTable, recordings: &[Recording], signal: Signal) -> Fea
 
 #[cfg(test)]
 mod tests {
-    use super::{FEATURES, PULL_1_S, pull, twin};
+    use super::{FEATURES, pull, twin};
+    use crate::comparison::tests::made;
     use govtwin_correction::forest::{Forest, Tree};
     use govtwin_correction::guard::Guard;
-    use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
     use govtwin_model::recording::Recording;
     use govtwin_model::replay::simulate;
     use govtwin_model::twin::Twin;
 
     /// A wavy command; the recorded spool is off the twin's by `gap_pu`.
     fn recording(rows: i64, gap_pu: f64) -> Recording {
-        let mut twin = Twin::new(&govtwin_model::params::reference());
-        let frame = |k: i64| {
-            let opening_command_pu = 0.4 + 0.1 * (0.14 * k as f64).sin();
-            let inputs =
-                Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6, piston_force_n: 0.0 };
-            let mut frame = Frame { time_ns: k * 200_000_000, inputs, measured: Signals::NONE };
-            let signals = twin.step(&frame).signals;
-            let spool_position_pu = signals.spool_position_pu + gap_pu;
-            frame.measured = Signals { spool_position_pu, ..signals };
-            frame
-        };
-        Recording::new("a", (0..rows).map(frame).collect())
+        let (mut recording, _) = made(rows);
+        recording.frames.iter_mut().for_each(|frame| frame.measured.spool_position_pu += gap_pu);
+        recording
     }
 
     #[test]
     fn a_twin_is_pulled_to_the_side_on_which_the_recorded_spool_stands() {
         let unit = govtwin_model::params::reference();
         let own = recording(300, 0.0);
-        let pulled = pull(&unit, &own, PULL_1_S);
+        let pulled = pull(&unit, &own);
         assert_eq!((pulled.targets.len(), pulled.values.len()), (300, 300 * FEATURES));
         // A spool that is always off pulls always, to its side.
         let mean = |gap: f64| {
-            let targets = pull(&unit, &recording(300, gap), PULL_1_S).targets;
+            let targets = pull(&unit, &recording(300, gap)).targets;
             targets.iter().sum::<f64>() / targets.len() as f64
         };
         let [below, level, above] = [-0.05, 0.0, 0.05].map(mean);

@@ -1,7 +1,8 @@
 //! The models of the comparison that trees can make, each trained on the same rows with the same features.
 
-use super::coverage::{CoveredAt, covered_by_distance};
-use super::{Contender, ModelStanding};
+use super::Contender;
+use super::coverage::covered_by_distance;
+use super::summary::{ModelFigures, UnseenProcess};
 use govtwin_correction::booster::{Hyperparameters, TrainError};
 use govtwin_correction::features::Feature;
 use govtwin_correction::forest::Forest;
@@ -77,17 +78,6 @@ pub fn trained(
     Ok((model, said))
 }
 
-/// Estimates of models for a process that none of them was trained on.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LeftOutProcess {
-    /// The process.
-    pub process: Process,
-    /// The models.
-    pub models: Vec<ModelStanding>,
-    /// The band of the guarded hybrid on the better twin, by distance.
-    pub band: Vec<CoveredAt>,
-}
-
 /// Every process left out of training in turn, with the manual hyperparameters: MBM, DDM, the paper's hybrid, and the hybrid on a twin
 /// whose inputs are drawn in between rows, beside that twin.
 ///
@@ -101,7 +91,7 @@ pub fn leave_one_out(
     drawn: &FeatureTable,
     seed: u64,
     mut done: impl FnMut(),
-) -> Result<Vec<LeftOutProcess>, TrainError> {
+) -> Result<Vec<UnseenProcess>, TrainError> {
     let data = data_only(plain);
     let mut all = vec![];
     for process in Process::ALL {
@@ -140,8 +130,8 @@ pub fn leave_one_out(
             better,
             better_guarded,
         ];
-        let models = contenders.iter().map(|one| ModelStanding::of(plain, &split.test, one)).collect();
-        all.push(LeftOutProcess { process, models, band });
+        let models = contenders.iter().map(|one| ModelFigures::of(plain, &split.test, one)).collect();
+        all.push(UnseenProcess { process: process.id(), models, band });
     }
     Ok(all)
 }

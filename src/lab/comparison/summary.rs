@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::Contender;
 use super::breakdown::ErrorBreakdown;
 use super::coverage::CoveredAt;
-use super::{ModelStanding, reduction};
 use govtwin_correction::band::Band;
 use govtwin_correction::prepare::Cleaning;
 use govtwin_correction::table::FeatureTable;
-use govtwin_model::metrics::Figures;
+use govtwin_model::metrics::Accumulator;
 use govtwin_model::recording::Process;
 
 /// Name and version of the schema.
@@ -77,8 +77,45 @@ pub struct ModelFigures {
     pub title: &'static str,
     /// Over all rows.
     pub overall: ErrorFigures,
-    /// Process by process.
+    /// The processes that have rows, in their usual order.
     pub processes: Vec<OfProcess>,
+}
+
+impl ModelFigures {
+    /// Compares estimates with what was measured at `rows`.
+    pub fn of(table: &FeatureTable, rows: &[usize], contender: &Contender) -> Self {
+        let score = |process: Option<Process>| {
+            let said = rows.iter().zip(&contender.estimates).map(|(&row, estimate)| (&table.marks[row], *estimate));
+            let of_process = said.filter(|(mark, _)| process.is_none_or(|process| mark.process == process));
+            let found = Accumulator::of(of_process.map(|(mark, estimate)| (mark.measured, estimate))).figures();
+            ErrorFigures { rows: found.count, mae: found.mae, rmse: found.rmse, r2: found.r2 }
+        };
+        let of_process = |process: Process| OfProcess { process: process.id(), score: score(Some(process)) };
+        Self {
+            id: contender.id,
+            title: contender.title,
+            overall: score(None),
+            processes: Process::ALL.map(of_process).into_iter().filter(|one| one.score.rows > 0).collect(),
+        }
+    }
+
+    /// The figures of the process with this id.
+    pub(crate) fn process(&self, id: &str) -> Option<&ErrorFigures> {
+        self.processes.iter().find(|one| one.process == id).map(|one| &one.score)
+    }
+
+    /// Mean of R² over processes, as the paper averages it.
+    pub(crate) fn mean_r2(&self) -> f64 {
+        self.processes.iter().map(|one| one.score.r2).sum::<f64>() / self.processes.len() as f64
+    }
+}
+
+/// By how much `ours` is below `theirs`, percent: lowest and highest over processes.
+pub(crate) fn reduction(ours: &ModelFigures, theirs: &ModelFigures, figure: fn(&ErrorFigures) -> f64) -> [f64; 2] {
+    let of =
+        |own: &OfProcess| theirs.process(own.process).map(|other| 100.0 * (1.0 - figure(&own.score) / figure(other)));
+    let reductions = ours.processes.iter().filter_map(of);
+    reductions.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
 /// Figures in the signal's unit.
@@ -127,24 +164,21 @@ pub struct SpreadIn {
 }
 
 /// Figures over seeds; every seed has the same models in the same order.
-pub fn spread(seeds: &[Vec<ModelStanding>]) -> Vec<SeedSpread> {
+pub fn spread(seeds: &[Vec<ModelFigures>]) -> Vec<SeedSpread> {
     let over = |values: Vec<f64>| {
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
         let (low, high) = (values.iter().copied().fold(mean, f64::min), values.iter().copied().fold(mean, f64::max));
         [mean, low, high]
     };
-    let of = |place: usize, model: &ModelStanding| {
-        let all: Vec<&ModelStanding> = seeds.iter().filter_map(|seed| seed.get(place)).collect();
-        let part = |process: &'static str, figures: &dyn Fn(&ModelStanding) -> Option<Figures>| {
-            let found: Vec<Figures> = all.iter().filter_map(|one| figures(one)).collect();
+    let of = |place: usize, model: &ModelFigures| {
+        let all: Vec<&ModelFigures> = seeds.iter().filter_map(|seed| seed.get(place)).collect();
+        let part = |process: &'static str, figures: &dyn Fn(&ModelFigures) -> Option<ErrorFigures>| {
+            let found: Vec<ErrorFigures> = all.iter().filter_map(|one| figures(one)).collect();
             let (mae, rmse) = (found.iter().map(|one| one.mae).collect(), found.iter().map(|one| one.rmse).collect());
             SpreadIn { process, mae: over(mae), rmse: over(rmse) }
         };
-        let mut parts: Vec<SpreadIn> = model
-            .processes
-            .iter()
-            .map(|(process, _)| part(process.id(), &|one| one.process(*process).copied()))
-            .collect();
+        let mut parts: Vec<SpreadIn> =
+            model.processes.iter().map(|own| part(own.process, &|one| one.process(own.process).copied())).collect();
         parts.push(part("all", &|one| Some(one.overall)));
         SeedSpread { id: model.id, title: model.title, parts }
     };
@@ -242,37 +276,10 @@ pub struct CoveredIn {
     pub mean_half_width: f64,
 }
 
-impl From<&Figures> for ErrorFigures {
-    fn from(figures: &Figures) -> Self {
-        Self { rows: figures.count, mae: figures.mae, rmse: figures.rmse, r2: figures.r2 }
-    }
-}
-
-impl From<&ModelStanding> for ModelFigures {
-    fn from(standing: &ModelStanding) -> Self {
-        let of = |(process, figures): &(Process, Figures)| OfProcess { process: process.id(), score: figures.into() };
-        Self {
-            id: standing.id,
-            title: standing.title,
-            overall: (&standing.overall).into(),
-            processes: standing.processes.iter().map(of).collect(),
-        }
-    }
-}
-
-/// A hybrid for which the paper's claims are looked at.
-#[derive(Clone, Copy, Debug)]
-pub struct Claims<'a> {
-    /// What it is called in a sentence.
-    pub of: &'static str,
-    /// Its figures.
-    pub hybrid: &'a ModelStanding,
-}
-
-/// The paper's claims for its hybrid, beside the figures here; the models beside it are the twin alone and the model of data alone.
-pub fn claims(ours: &Claims<'_>, [mechanism, data]: [&ModelStanding; 2]) -> Vec<PaperClaim> {
-    let Claims { of, hybrid } = ours;
-    let span = |theirs: &ModelStanding, figure: fn(&Figures) -> f64| {
+/// The paper's claims for its hybrid, beside the figures here of the one that a sentence calls `of`; the models beside it are the twin alone
+/// and the model of data alone.
+pub fn claims(of: &str, hybrid: &ModelFigures, [mechanism, data]: [&ModelFigures; 2]) -> Vec<PaperClaim> {
+    let span = |theirs: &ModelFigures, figure: fn(&ErrorFigures) -> f64| {
         let [low, high] = reduction(hybrid, theirs, figure);
         format!("{low:.1} to {high:.1}")
     };

@@ -92,7 +92,7 @@ fn change(mae: f64, other: f64) -> String {
 
 /// The change of the mean absolute error in each process.
 fn by_process(model: &ModelFigures, twin: &ModelFigures) -> String {
-    let of = |process: &str| twin.processes.iter().find(|one| one.process == process).map(|one| one.score.mae);
+    let of = |process: &str| twin.process(process).map(|score| score.mae);
     let changes = model
         .processes
         .iter()
