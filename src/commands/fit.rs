@@ -275,7 +275,7 @@ fn free_parameters(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<FreeParam
         }
         seen.push(id);
         let spec = effect::known(unit, id)?;
-        let at = effect::setting_at(&mut unit.effects, spec);
+        let at = unit.effect_at(spec);
         free_parameters.extend(spec.parameters.iter().enumerate().map(|(parameter, spec)| FreeParameter::Effect {
             effect: at,
             parameter,

@@ -21,8 +21,6 @@ fn add_one(argument: &str, unit: &mut Unit) -> anyhow::Result<()> {
     };
     let (id, name) = place.split_once('.').map_or((place, None), |(id, name)| (id, Some(name)));
     let spec = known(unit, id)?;
-    let parameters = unit.parameters;
-    let effects = &mut unit.effects;
     let values: Vec<&str> = values.split(',').map(str::trim).collect();
     let first = match name {
         None => 0,
@@ -35,9 +33,9 @@ fn add_one(argument: &str, unit: &mut Unit) -> anyhow::Result<()> {
         let names: Vec<&str> = spec.parameters.iter().map(|parameter| parameter.name).collect();
         bail!("too many values; the parameters of `{id}` are {}", names.join(", "));
     }
-    let at = setting_at(effects, spec);
+    let at = unit.effect_at(spec);
     for (k, text) in values.iter().enumerate() {
-        effects[at].values[first + k] = value(text, &spec.parameters[first + k].on(&parameters))?;
+        unit.effects[at].values[first + k] = value(text, &spec.parameters[first + k].on(&unit.parameters))?;
     }
     Ok(())
 }
@@ -52,15 +50,6 @@ pub fn known(unit: &Unit, id: &str) -> anyhow::Result<&'static EffectSpec> {
             hint(id, CATALOGUE.iter().map(|spec| spec.id).chain(own))
         ))),
     }
-}
-
-/// The place of an effect among settings; one that is not among them is switched on, but neutral.
-pub fn setting_at(effects: &mut Vec<EffectSetting>, spec: &EffectSpec) -> usize {
-    effects.iter().position(|setting| setting.id == spec.id).unwrap_or_else(|| {
-        let values = spec.parameters.iter().map(|parameter| parameter.neutral).collect();
-        effects.push(EffectSetting { id: spec.id.to_owned(), values });
-        effects.len() - 1
-    })
 }
 
 fn value(text: &str, parameter: &EffectParameter) -> anyhow::Result<f64> {

@@ -57,8 +57,7 @@ impl Ground {
         for &spec in catalogue {
             let mut base = unit.clone();
             let effect = base.effects.len();
-            let values = spec.parameters.iter().map(|parameter| parameter.neutral).collect();
-            base.effects.push(EffectSetting { id: spec.id.to_owned(), values });
+            base.effects.push(EffectSetting { id: spec.id.to_owned(), values: spec.completed(&[]) });
             let mut all = free_parameters.clone();
             let own = spec.parameters.iter().enumerate();
             all.extend(own.map(|(parameter, spec)| FreeParameter::Effect { effect, parameter, spec }));

@@ -8,7 +8,7 @@ use govtwin_diagnosis::identification::free_parameter::FreeParameter;
 use govtwin_diagnosis::likelihood::noise;
 use govtwin_diagnosis::likelihood::prepared::PreparedRecording;
 use govtwin_model::effects::CATALOGUE;
-use govtwin_model::parameters::{EffectSetting, Unit};
+use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
 use govtwin_model::replay::between::drawn;
 
@@ -33,11 +33,7 @@ pub fn refit(recordings: &[Recording], unit: &Unit, effects: &[&str], period_ns:
     let mut base = unit.clone();
     let mut free = FreeParameter::nuisances(&base);
     for spec in effects.iter().filter_map(|id| CATALOGUE.iter().find(|spec| spec.id == *id)) {
-        let effect = base.effects.iter().position(|setting| setting.id == spec.id).unwrap_or_else(|| {
-            let values = spec.parameters.iter().map(|parameter| parameter.neutral).collect();
-            base.effects.push(EffectSetting { id: spec.id.to_owned(), values });
-            base.effects.len() - 1
-        });
+        let effect = base.effect_at(spec);
         let of = |(parameter, spec)| FreeParameter::Effect { effect, parameter, spec };
         free.extend(spec.parameters.iter().enumerate().map(of));
     }

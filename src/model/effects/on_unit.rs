@@ -1,7 +1,7 @@
 //! Effects switched on in a unit by their names, checked against the catalogue and the owner's definitions.
 
 use crate::effects::own::{OwnError, spec};
-use crate::effects::{CATALOGUE, find_in};
+use crate::effects::{CATALOGUE, EffectSpec, find_in};
 use crate::parameters::{EffectSetting, OwnEffect, Unit};
 
 /// Why an effect cannot be switched on.
@@ -45,6 +45,14 @@ pub enum EffectError {
 }
 
 impl Unit {
+    /// The place of an effect among the unit's; one that is not among them is switched on, but neutral.
+    pub fn effect_at(&mut self, spec: &EffectSpec) -> usize {
+        self.effects.iter().position(|setting| setting.id == spec.id).unwrap_or_else(|| {
+            self.effects.push(EffectSetting { id: spec.id.to_owned(), values: spec.completed(&[]) });
+            self.effects.len() - 1
+        })
+    }
+
     /// The same unit with an effect switched on, in the place of an earlier setting of it.
     ///
     /// `values` are parameters by name, each in the unit of [`EffectParameter`](crate::effects::EffectParameter); those that are not given
