@@ -100,6 +100,11 @@ impl Corrector {
         &self.counts
     }
 
+    /// What the guard did since it was last taken.
+    pub fn take_counts(&mut self) -> GuardCounts {
+        std::mem::take(&mut self.counts)
+    }
+
     /// Alarms of drift so far.
     pub fn alarms(&self) -> u64 {
         self.adapter.as_ref().map_or(0, Adapter::alarms)

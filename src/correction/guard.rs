@@ -65,19 +65,6 @@ impl GuardCounts {
         self.outside += other.outside;
         self.bad += other.bad;
     }
-
-    /// What was done since `before`, an earlier state of these counts.
-    #[must_use]
-    pub fn since(&self, before: &Self) -> Self {
-        Self {
-            rows: self.rows - before.rows,
-            clamped: self.clamped - before.clamped,
-            faded: self.faded - before.faded,
-            shrunk: self.shrunk - before.shrunk,
-            outside: self.outside - before.outside,
-            bad: self.bad - before.bad,
-        }
-    }
 }
 
 impl Guard {

@@ -198,10 +198,8 @@ pub fn adapt(mut corrector: Corrector, results: &mut [Outcome]) -> Option<Adapta
     let mut order: Vec<usize> = (0..results.len()).collect();
     order.sort_by_key(|&at| results[at].replayed.recording.frames.first().map_or(i64::MAX, |frame| frame.time_ns));
     for at in order {
-        let before = *corrector.counts();
         corrector.reset();
-        let corrected = follow(&mut corrector, &results[at].replayed);
-        results[at].corrected = Some(Corrected { guard: corrected.guard.since(&before), ..corrected });
+        results[at].corrected = Some(follow(&mut corrector, &results[at].replayed));
     }
     corrector.adaptation()
 }
@@ -220,7 +218,7 @@ fn follow(corrector: &mut Corrector, replayed: &Replayed) -> Corrected {
         signal,
         half_width,
         coverage_share: corrector.coverage_share(),
-        guard: *corrector.counts(),
+        guard: corrector.take_counts(),
     }
 }
 
