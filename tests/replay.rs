@@ -7,15 +7,12 @@ mod program;
 use std::path::Path;
 use std::process::Command;
 
-use govtwin_bag::ReadOptions;
 use govtwin_model::frame::{Estimate, EsvState, Frame, Inputs, Signals};
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
-use govtwin_model::replay::{Replayed, Scores, simulate};
+use govtwin_model::replay::{Replayed, Scores};
 use govtwin_model::signal::Signal;
-use govtwin_model::twin::{Cut, Twin};
-use proptest::prelude::{Strategy, prop};
-use proptest::{prop_assert_eq, proptest};
+use govtwin_model::twin::Twin;
 
 fn recording(unit: &Unit) -> Recording {
     let frame = |i: i32| Frame {
@@ -77,103 +74,6 @@ fn only_rows_that_were_measured_count() {
     twice.merge(&replayed.scores);
     assert_eq!(twice.figures(Signal::ServomotorPosition).count, 100);
     assert_eq!(Scores::of(&replayed.recording, &[]), Scores::default());
-}
-
-/// Bits of an estimate, so that nothing rounds a difference away.
-fn bits(estimate: &Estimate) -> Vec<u64> {
-    let signals = &estimate.signals;
-    [
-        signals.spool_position_pu,
-        signals.servomotor_position_pu,
-        signals.pilot_valve_position_pu,
-        signals.control_pressure_pa,
-        estimate.spool_velocity_m_s,
-        estimate.servomotor_velocity_m_s,
-        estimate.opening_chamber_pressure_pa,
-        estimate.closing_chamber_pressure_pa,
-        estimate.spool_command_pu,
-        estimate.valve_current_pu,
-    ]
-    .map(f64::to_bits)
-    .to_vec()
-}
-
-/// A recording at an uneven rate with jumps of the command, trips, and a wandering pressure.
-fn recordings() -> impl Strategy<Value = Recording> {
-    let row = (1_000_000_i64..300_000_000, 0.0..1.0, prop::bool::weighted(0.1), 5.5e6..7.0e6);
-    prop::collection::vec(row, 2..30).prop_map(|rows| {
-        let mut time_ns = 1_700_000_000_000_000_000;
-        let frame = |(step_ns, opening_command_pu, tripped, tank_pressure_pa)| {
-            time_ns += step_ns;
-            let esv = if tripped { EsvState::Shutdown } else { EsvState::Normal };
-            let inputs = Inputs { opening_command_pu, esv, tank_pressure_pa, piston_force_n: 0.0 };
-            let measured = Signals { servomotor_position_pu: 0.5, spool_position_pu: 0.0, ..Signals::NONE };
-            Frame { time_ns, inputs, measured }
-        };
-        Recording::new("drawn", rows.into_iter().map(frame).collect())
-    })
-}
-
-/// The same recording with rows between its own that only repeat what holds; where its own rows went.
-fn with_repeated_rows(recording: &Recording, shares: &[f64]) -> (Recording, Vec<usize>) {
-    let (mut frames, mut own) = (vec![], vec![]);
-    for (i, frame) in recording.frames.iter().enumerate() {
-        own.push(frames.len());
-        frames.push(*frame);
-        let Some(next) = recording.frames.get(i + 1) else { break };
-        let span_ns = next.time_ns - frame.time_ns;
-        let mut times_ns: Vec<i64> =
-            shares.iter().map(|share| frame.time_ns + (share * span_ns as f64) as i64).collect();
-        times_ns.sort_unstable();
-        frames.extend(times_ns.into_iter().map(|time_ns| Frame { time_ns, measured: Signals::NONE, ..*frame }));
-    }
-    (Recording { frames, ..recording.clone() }, own)
-}
-
-proptest! {
-    #![proptest_config(proptest::test_runner::Config::with_cases(48))]
-
-    #[test]
-    fn rows_that_repeat_what_holds_change_nothing(
-        recording in recordings(),
-        shares in prop::collection::vec(0.0..1.0, 1..6),
-    ) {
-        let unit = govtwin_model::params::reference();
-        let (denser, own) = with_repeated_rows(&recording, &shares);
-        for cut in [Cut::None, Cut::Servomotor] {
-            let mut twin = Twin::new(&unit).with_cut(cut);
-            let plain = simulate(&mut twin, &recording);
-            let dense = simulate(&mut twin, &denser);
-            for (estimate, &at) in plain.iter().zip(&own) {
-                prop_assert_eq!(bits(estimate), bits(&dense[at]));
-            }
-        }
-    }
-
-    #[test]
-    fn a_twin_that_was_cloned_on_the_way_goes_on_alike(recording in recordings(), cut in prop::sample::select(vec![Cut::None, Cut::Servomotor, Cut::Spool])) {
-        let mut twin = Twin::new(&govtwin_model::params::reference()).with_cut(cut);
-        let whole = simulate(&mut twin, &recording);
-        let (first, second) = recording.frames.split_at(recording.frames.len() / 2);
-        twin.reset();
-        let mut estimates: Vec<Estimate> = first.iter().map(|frame| twin.step(frame)).collect();
-        let mut heir = twin.clone();
-        drop(twin);
-        estimates.extend(second.iter().map(|frame| heir.step(frame)));
-        prop_assert_eq!(whole.iter().map(bits).collect::<Vec<_>>(), estimates.iter().map(bits).collect::<Vec<_>>());
-    }
-}
-
-#[test]
-fn a_shipped_recording_in_thousandths_of_a_second_is_the_same_to_the_bit() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/load_rejection_01.mcap");
-    let recording = govtwin_bag::read(&path, &ReadOptions::default()).unwrap().recording;
-    let shares: Vec<f64> = (1..200).map(|i| f64::from(i) / 200.0).collect();
-    let (denser, own) = with_repeated_rows(&recording, &shares);
-    let mut twin = Twin::new(&govtwin_model::params::reference());
-    let plain = simulate(&mut twin, &recording);
-    let dense = simulate(&mut twin, &denser);
-    assert!(plain.iter().zip(&own).all(|(estimate, &at)| bits(estimate) == bits(&dense[at])));
 }
 
 /// All files below a folder with their content.
