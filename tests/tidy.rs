@@ -40,13 +40,6 @@ fn the_readme_names_every_command() {
 }
 
 #[test]
-fn every_effect_is_in_the_catalogue() {
-    let catalogue: Vec<(&str, &str)> =
-        govtwin_model::effects::CATALOGUE.iter().map(|spec| (spec.id, spec.source)).collect();
-    hold(&text::unregistered(&rust(), &catalogue));
-}
-
-#[test]
 fn quantities_carry_their_units_in_their_names() {
     hold(&names::field_breaches(&rust()));
     hold(&names::entry_breaches());

@@ -1,4 +1,4 @@
-//! Rules on single files: heads, lengths, commands, effects, places, and what stays at the edges.
+//! Rules on single files: heads, lengths, commands, places, and what stays at the edges.
 
 use super::source::Source;
 
@@ -20,18 +20,6 @@ pub fn unnamed_commands(cli: &str, readme: &str) -> Vec<String> {
         .filter(|command| !named(command))
         .map(|command| format!("README.md: does not name `govtwin {command}`"))
         .collect()
-}
-
-/// Effects whose file is not in the catalogue under its own name.
-pub fn unregistered(sources: &[Source], catalogue: &[(&str, &str)]) -> Vec<String> {
-    let mut breaches = Vec::new();
-    for source in sources.iter().filter(|source| source.text.contains("\npub const SPEC: EffectSpec")) {
-        let stem = source.path.rsplit('/').next().and_then(|name| name.strip_suffix(".rs")).unwrap_or_default();
-        if !catalogue.iter().any(|(id, text)| *id == stem && *text == source.text) {
-            breaches.push(format!("{}: the catalogue holds no effect `{stem}` with this source", source.path));
-        }
-    }
-    breaches
 }
 
 /// Files that do not begin with a sentence on what they are for.
@@ -142,15 +130,6 @@ mod tests {
             ["README.md: does not name `govtwin dig`"]
         );
         assert!(unnamed_commands(cli, "`govtwin run`, `govtwin dig HOLE`").is_empty());
-    }
-
-    #[test]
-    fn an_effect_outside_the_catalogue_is_seen() {
-        let file = at("src/model/effects/a.rs", "//! A.\n\npub const SPEC: EffectSpec = EffectSpec {};\n");
-        assert_eq!(unregistered(&file, &[]).len(), 1);
-        assert_eq!(unregistered(&file, &[("b", &file[0].text)]).len(), 1);
-        assert_eq!(unregistered(&file, &[("a", "other")]).len(), 1);
-        assert!(unregistered(&file, &[("a", &file[0].text)]).is_empty());
     }
 
     #[test]
