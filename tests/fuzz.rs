@@ -4,6 +4,8 @@
 //! `scripts/fuzz` runs the same for as long as asked, or under libFuzzer where it is installed.
 #![cfg(feature = "lab")]
 
+#[path = "support/residual.rs"]
+mod residual;
 #[path = "../fuzz/targets.rs"]
 mod targets;
 
@@ -221,34 +223,22 @@ fn for_as_long_as_asked() {
 #[test]
 #[ignore = "writes fuzz/corpus/model"]
 fn write_the_model() {
-    use govtwin_correction::features;
     use govtwin_correction::forest::Tree;
     use govtwin_correction::guard::Guard;
-    use govtwin_correction::model::{Learned, Model, fingerprint};
-    use govtwin_correction::row::{Opening, RateOfInputs};
-    let features: Vec<String> = features::all().iter().map(features::Feature::name).collect();
-    let count = features.len();
-    let stump =
-        Tree { feature: vec![0], threshold: vec![0.5], left: vec![-1], right: vec![-2], leaf: vec![-0.01, 0.01] };
+    use govtwin_correction::model::Model;
+    let model = residual::model(&govtwin_model::params::reference());
+    let stump = Tree { threshold: vec![0.5], ..model.trees[0].clone() };
     let (feature, threshold) = (vec![1, 2], vec![0.1, -0.1]);
     let deeper = Tree { feature, threshold, left: vec![1, -1], right: vec![-2, -3], leaf: vec![0.0, 0.001, 0.002] };
     let model = Model {
         program: "govtwin 0.1.0".into(),
-        signal: "spool_position_pu".into(),
-        unit: "pu".into(),
-        learned: Learned::Residual,
-        opening: Opening::Simulated,
-        rate_of_inputs: RateOfInputs::Hold,
-        period_ns: 200_000_000,
-        twin: fingerprint(&govtwin_model::params::reference()),
-        features,
-        guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02], reach: None },
+        guard: Guard { support: vec![[-1e9, 1e9]; model.features.len()], range: [-0.02, 0.02], reach: None },
         band: None,
-        importance: vec![0.0; count],
         booster: "by hand".into(),
         hyperparameters: [("leaves".to_owned(), 31.0)].into(),
         training: [("rows".to_owned(), "23293".to_owned())].into(),
         trees: vec![stump, deeper],
+        ..model
     };
     fs::create_dir_all(folder("corpus", "model")).unwrap();
     fs::write(folder("corpus", "model").join("trees"), model.to_text().unwrap()).unwrap();
