@@ -182,22 +182,19 @@ mod tests {
         compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold).into(), counts, reported, TimeKeeping::default())
     }
 
+    /// The report of a node that heard nothing.
+    fn silent(keeping: TimeKeeping) -> DiagnosticArray {
+        let none = <[_; NodeInput::COUNT]>::default();
+        compile("/govtwin", 5, None, &policy(OnStale::Trip).into(), &none, &none, keeping)
+    }
+
     fn said(array: &DiagnosticArray) -> Vec<(u8, &str)> {
         array.status.iter().map(|status| (status.level, status.message.as_str())).collect()
     }
 
     #[test]
     fn silence_is_stale_and_every_part_is_there() {
-        let none = <[_; NodeInput::COUNT]>::default();
-        let array = compile(
-            "/govtwin",
-            5,
-            None,
-            &policy(OnStale::Trip).into(),
-            &none,
-            &none,
-            TimeKeeping { clock: Some((2, "missing")), ..TimeKeeping::default() },
-        );
+        let array = silent(TimeKeeping { clock: Some((2, "missing")), ..TimeKeeping::default() });
         assert_eq!(array.status.len(), 6);
         assert!(array.status[..4].iter().all(|status| status.level == 3));
         assert_eq!((array.status[4].level, array.status[5].level), (0, 2), "a load need not come, a clock must");
@@ -239,16 +236,7 @@ mod tests {
 
     #[test]
     fn a_simulation_that_stands_is_told_as_such() {
-        let none = <[_; NodeInput::COUNT]>::default();
-        let array = compile(
-            "/govtwin",
-            5,
-            None,
-            &policy(OnStale::Trip).into(),
-            &none,
-            &none,
-            TimeKeeping { state: RunState::Paused, ..TimeKeeping::default() },
-        );
+        let array = silent(TimeKeeping { state: RunState::Paused, ..TimeKeeping::default() });
         assert_eq!(said(&array)[0], (0, "the simulation stands, until it is played or stepped"));
     }
 
