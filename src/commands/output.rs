@@ -36,12 +36,8 @@ fn unless_gone(error: io::Error) -> io::Result<()> {
 /// Writes text to standard output; a reader that has gone away (`… | head`) is no error.
 pub fn print(text: &str) -> anyhow::Result<()> {
     let mut stdout = io::stdout().lock();
-    match stdout.write_all(plain(text).as_bytes()).and_then(|()| stdout.flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(error).context("cannot write to standard output")
-        }
-        _ => Ok(()),
-    }
+    let written = stdout.write_all(plain(text).as_bytes()).and_then(|()| stdout.flush());
+    written.or_else(unless_gone).context(UNWRITTEN)
 }
 
 /// How many characters a line of standard output may have: those of the terminal, or of the variable `COLUMNS`; no end in a pipe or file.
@@ -61,8 +57,7 @@ const NARROWEST: usize = 40;
 
 /// Writes a warning line to standard error.
 pub fn warn(text: &str) {
-    // Where even standard error is closed there is nobody left to tell.
-    let _ = writeln!(io::stderr().lock(), "govtwin: warning: {}", plain(text));
+    say(&format!("warning: {text}"));
 }
 
 /// The same for each of several.
@@ -72,8 +67,7 @@ pub fn warn_all(texts: impl IntoIterator<Item = impl AsRef<str>>) {
 
 /// Writes why a command failed to standard error.
 pub fn fail(error: &anyhow::Error) {
-    // Where even standard error is closed there is nobody left to tell.
-    let _ = writeln!(io::stderr().lock(), "govtwin: {}", plain(&format!("{error:#}")));
+    say(&format!("{error:#}"));
 }
 
 /// A line with names from files in it, which may hold breaks that would pass for the program's own.

@@ -46,13 +46,16 @@ fn date() -> anyhow::Result<String> {
         let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
         since.map_or(0, |since| i64::try_from(since.as_secs()).unwrap_or_default())
     };
-    Ok(jiff::Timestamp::from_second(seconds).map_or_else(|_| seconds.to_string(), |time| time.to_string()))
+    Ok(utc(seconds))
+}
+
+fn utc(seconds: i64) -> String {
+    jiff::Timestamp::from_second(seconds).map_or_else(|_| seconds.to_string(), |time| time.to_string())
 }
 
 /// A time of a recording, ns since 1970, UTC to the second.
 pub fn date_of(time_ns: i64) -> String {
-    let seconds = time_ns.div_euclid(1_000_000_000);
-    jiff::Timestamp::from_second(seconds).map_or_else(|_| seconds.to_string(), |time| time.to_string())
+    utc(time_ns.div_euclid(1_000_000_000))
 }
 
 /// A file with its digest.
