@@ -89,8 +89,9 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
         );
     }
     if let [one] = diagnosis.blamed.as_slice()
-        && let Some((name, value)) = tables::first_value(&one.parameters)
+        && let Some(first) = one.parameters.first()
     {
+        let (name, value) = (words::parameter_title(first), words::value(first));
         let (value, interval) = value.split_once(" [").unwrap_or((&value, ""));
         let hint = if interval.is_empty() { String::new() } else { format!("90 %: [{interval}") };
         key.push(KeyFigure::new(name, value, "").hint(hint));

@@ -11,7 +11,7 @@
 //! use govtwin_pages::picture::{Panel, Picture};
 //!
 //! let panel = Panel::new("Spool position, pu")
-//!     .thick_line(Ink::Measured, "measured", vec![[0.0, 0.0], [1.0, 0.4]])
+//!     .thick_line("measured", vec![[0.0, 0.0], [1.0, 0.4]])
 //!     .line(Ink::Simulated, "simulated", vec![[0.0, 0.0], [1.0, 0.38]])
 //!     .x_name("time, s");
 //! let mut page = Page::new("One second", "of a spool");

@@ -382,11 +382,6 @@ mod tests {
     }
 
     #[test]
-    fn same_content_same_bytes() {
-        assert_eq!(page().to_html(), page().to_html());
-    }
-
-    #[test]
     fn what_stands_between_backticks_is_typed() {
         let of = |text: &str| prose(text).into_string();
         assert_eq!(of("see `a <b>` and `c`."), "see <code>a &lt;b&gt;</code> and <code>c</code>.");

@@ -170,10 +170,10 @@ impl Panel {
         self.mark(Mark::new(MarkShape::Line(points), ink, label).dashed(1))
     }
 
-    /// Adds a thick line, the reference of a thinner one that is drawn later.
+    /// Adds what was measured as a thick line, the reference of a thinner one that is drawn later.
     #[must_use]
-    pub fn thick_line(self, ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Self {
-        self.mark(Mark { width_px: 4.0, opacity: 0.75, ..Mark::new(MarkShape::Line(points), ink, label) })
+    pub fn thick_line(self, label: &str, points: Vec<[f64; 2]>) -> Self {
+        self.mark(Mark { width_px: 4.0, opacity: 0.75, ..Mark::new(MarkShape::Line(points), Ink::Measured, label) })
     }
 
     /// Adds an area between two curves, given as x, low, high.
@@ -219,7 +219,7 @@ impl Panel {
     /// Adds a histogram: share of the finite values per bin, the outer bins taking what lies beyond.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the bins before the cast")]
-    pub fn histogram(self, ink: Ink, label: &str, values: &[f64], [from, to]: [f64; 2], bins: usize) -> Self {
+    pub fn histogram(self, ink: Ink, values: &[f64], [from, to]: [f64; 2], bins: usize) -> Self {
         let width = (to - from) / bins.max(1) as f64;
         let mut counts = vec![0_u64; bins.max(1)];
         let mut total = 0_u64;
@@ -232,7 +232,7 @@ impl Panel {
             let left = from + width * bin as f64;
             [left, left + width, 0.0, count as f64 / total as f64]
         });
-        self.mark(Mark::new(MarkShape::Blocks(blocks.collect()), ink, label))
+        self.mark(Mark::new(MarkShape::Blocks(blocks.collect()), ink, ""))
     }
 
     /// Adds a level across the panel's own data, such as zero.

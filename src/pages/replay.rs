@@ -14,7 +14,6 @@ use govtwin_model::parameters::Sensors;
 use govtwin_model::provenance::Provenance;
 use govtwin_model::recording::Process;
 use govtwin_model::replay::Replayed;
-use govtwin_model::signal::Signal;
 use tables::{errors, r2_words, recording_table};
 
 pub use curves::{Beside, Pictures, worst_stretch_of};
@@ -102,7 +101,7 @@ pub fn page(summary: &ReplaySummary, replayed: &[&Replayed], pictures: &[Picture
 fn opening(body: &mut PageBody, summary: &ReplaySummary, sensors: &Sensors) {
     body.answers(answers::answers(summary, sensors));
     let mut key = vec![];
-    for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
+    for (signal, name, _) in answers::POSITIONS {
         if let Some(f) = summary.overall.of(signal) {
             let largest = format!("MAE {} %, largest {} %", percent(f.mae, 2), percent(f.max_abs, 2));
             key.push(KeyFigure::new(format!("RMSE, {name}"), percent(f.rmse, 3), "%").hint(largest));

@@ -17,11 +17,8 @@ pub(super) fn curves(one: &Drawn) -> Picture {
     let measured = &one.measured;
     let mut position = Panel::new("Servomotor position, %")
         .line(Ink::Command, "command", points(measured, &measured.command_pu))
-        .thick_line(Ink::Measured, "measured", points(measured, &measured.position_pu));
-    let mut error = Panel::new("Position − command, %")
-        .height(110)
-        .thick_line(Ink::Measured, "", errors(measured))
-        .x_name("time, s");
+        .thick_line("measured", points(measured, &measured.position_pu));
+    let mut error = Panel::new("Position − command, %").height(110).thick_line("", errors(measured)).x_name("time, s");
     if let Some(series) = &one.found {
         position = position.line(Ink::Simulated, "twin as found", points(series, &series.position_pu));
         error = error.line(Ink::Simulated, "", errors(series));

@@ -294,8 +294,3 @@ pub(crate) fn channels(diagnosis: &Diagnosis) -> Table {
     }
     table
 }
-
-/// The fitted value of a named effect for the key figures: its first parameter.
-pub(crate) fn first_value(parameters: &[Fitted]) -> Option<(String, String)> {
-    parameters.first().map(|one| (govtwin_diagnosis::words::parameter_title(one), value(one)))
-}

@@ -136,7 +136,7 @@ pub(crate) fn picture(
         let title = signal.title();
         let mut above = Panel::new(format!("{title}, %"))
             .height(150)
-            .thick_line(Ink::Measured, "measured", curve(measured))
+            .thick_line("measured", curve(measured))
             .dashed_line(Ink::Difference, "recalibrated", curve(refitted));
         let mut below = Panel::new(format!("{title}, twin − measured, %"))
             .height(110)

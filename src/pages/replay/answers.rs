@@ -9,7 +9,7 @@ use govtwin_model::replay::figures::RecordingGroup;
 use govtwin_model::signal::Signal;
 
 /// The evaluated positions by their usual names, with the reference of their percentages.
-const POSITIONS: [(Signal, &str, &str); 2] = [
+pub(crate) const POSITIONS: [(Signal, &str, &str); 2] = [
     (Signal::ServomotorPosition, "servomotor", "its stroke"),
     (Signal::SpoolPosition, "spool", "its reference stroke"),
 ];

@@ -221,7 +221,7 @@ impl<'a> Curves<'a> {
 
     fn compared(&self, signal: Signal, title: &str, scale: f64) -> Panel {
         let panel = if self.has(signal) {
-            Panel::new(title).thick_line(Ink::Measured, "measured", self.measured(signal, scale))
+            Panel::new(title).thick_line("measured", self.measured(signal, scale))
         } else {
             Panel::new(title)
         };

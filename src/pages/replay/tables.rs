@@ -98,7 +98,7 @@ pub(crate) fn errors(summary: &ReplaySummary, replayed: &[&Replayed], sensors: &
     let titles =
         summary.processes.iter().filter_map(|group| group.process.and_then(Process::with_id).map(Process::title));
     let titles: Vec<&str> = titles.collect();
-    for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
+    for (signal, name, _) in super::answers::POSITIONS {
         let Some(overall) = summary.overall.of(signal).filter(|f| f.rmse.is_finite()) else { continue };
         let rmse: Vec<f64> =
             summary.processes.iter().filter_map(|group| group.of(signal)).map(|f| 100.0 * f.rmse).collect();
@@ -116,7 +116,7 @@ pub(crate) fn errors(summary: &ReplaySummary, replayed: &[&Replayed], sensors: &
         let reach = 100.0 * (3.0 * overall.rmse).max(4.0 * spread(signal.sensor(sensors)));
         panels.push(
             Panel::new(format!("Error of the {name}, share of rows"))
-                .histogram(Ink::Difference, "", &differences, [-reach, reach], 61)
+                .histogram(Ink::Difference, &differences, [-reach, reach], 61)
                 .x_name("simulated − measured, %"),
         );
     }

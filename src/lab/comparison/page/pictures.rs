@@ -53,7 +53,7 @@ pub(crate) fn traces(shown: &Shown) -> Picture {
         let measured = stretch.iter().map(|&at| [time_s(at), shown.rows.marks[shown.judging[at]].measured]).collect();
         let mut panel = Panel::new(format!("{}, {unit}", process.title()))
             .height(190)
-            .thick_line(Ink::Measured, "measured", measured)
+            .thick_line("measured", measured)
             .x_name("time, s");
         for contender in shown.of(&["mbm", "ddm", "mdhm"]) {
             let line = stretch.iter().map(|&at| [time_s(at), contender.estimates[at]]).collect();
@@ -80,7 +80,7 @@ pub(crate) fn worst(summary: &ComparisonSummary, shown: &Shown) -> Picture {
         let mut panel =
             Panel::new(format!("{}, {}: {}", title(one.process), shown.rows.layout.signal.unit(), told.phase.title()))
                 .height(190)
-                .thick_line(Ink::Measured, "measured", measured)
+                .thick_line("measured", measured)
                 .x_name("time from that row, s");
         for contender in shown.of(&["mbm", "drawn", "ddm", "mdhm", "gate"]) {
             let line = here.iter().map(|&at| [time_s(at), contender.estimates[at]]).collect();
@@ -184,7 +184,7 @@ pub(crate) fn spreads(shown: &Shown) -> Picture {
         let mut panel = Panel::new(format!("{}: share of rows", process.title())).height(170);
         for (k, (contender, values)) in all.iter().enumerate() {
             if k == 0 {
-                panel = panel.histogram(Ink::Band, "", values, range, bins);
+                panel = panel.histogram(Ink::Band, values, range, bins);
             }
             panel = panel.line(
                 ink(contender.id),
