@@ -29,7 +29,7 @@ pub mod yaml;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use crate::parameters::{ENTRIES, OwnEffect, Unit};
+use crate::parameters::{ENTRIES, OwnEffect, Parameters, Unit};
 use govtwin_files::read_text;
 
 pub use consistency::{Conflict, conflicts};
@@ -62,6 +62,11 @@ static SHIPPED: LazyLock<Sheet> = LazyLock::new(|| read_reference().expect("the 
 /// ```
 pub fn reference() -> Unit {
     SHIPPED.unit.clone()
+}
+
+/// Its parameters alone.
+pub(crate) fn reference_parameters() -> &'static Parameters {
+    &SHIPPED.unit.parameters
 }
 
 /// The shipped sheet with the sources of its values.

@@ -5,6 +5,7 @@
 //! pressure. Ratios, times and positions in pu stay what they are.
 
 use crate::parameters::Parameters;
+use crate::params::reference_parameters;
 
 /// What the size of an effect's parameter is proportional to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,66 +90,33 @@ pub struct UnitSize {
     pub spring_preload_ratio: f64,
 }
 
-/// The same quantities of the reference unit, as `params/reference_unit.yaml` has them.
-const REFERENCE: Quantities = Quantities {
-    pressure_pa: 6.3e6,
-    density_kg_m3: 870.0,
-    width_m: 0.030,
-    stroke_m: 0.015,
-    opening_area_m2: 0.20,
-    control_area_m2: 5.0e-3,
-    precompression_m: 0.030,
-    pilot_flow_m3_s: 6.67e-4,
-    pilot_drop_pa: 3.5e6,
-};
-
-struct Quantities {
-    pressure_pa: f64,
-    density_kg_m3: f64,
-    width_m: f64,
-    stroke_m: f64,
-    opening_area_m2: f64,
-    control_area_m2: f64,
-    precompression_m: f64,
-    pilot_flow_m3_s: f64,
-    pilot_drop_pa: f64,
+/// Flow through the full main ports at tank pressure, by the law of similarity.
+fn flow(p: &Parameters) -> f64 {
+    p.main_ports.width_m
+        * p.distributing_valve.reference_stroke_m
+        * (p.oil.tank_pressure_pa / p.oil.density_kg_m3).sqrt()
 }
 
-impl Quantities {
-    fn flow(&self) -> f64 {
-        self.width_m * self.stroke_m * (self.pressure_pa / self.density_kg_m3).sqrt()
-    }
-
-    fn pilot_flow(&self) -> f64 {
-        self.pilot_flow_m3_s * (self.pressure_pa / self.pilot_drop_pa).sqrt()
-    }
+/// Flow through the full pilot valve at tank pressure.
+fn pilot_flow(p: &Parameters) -> f64 {
+    let valve = &p.proportional_valve;
+    valve.rated_flow_m3_s * (p.oil.tank_pressure_pa / valve.rated_pressure_drop_pa).sqrt()
 }
 
 impl UnitSize {
     /// Of a unit's parameters.
     pub fn new(parameters: &Parameters) -> Self {
-        let own = Quantities {
-            pressure_pa: parameters.oil.tank_pressure_pa,
-            density_kg_m3: parameters.oil.density_kg_m3,
-            width_m: parameters.main_ports.width_m,
-            stroke_m: parameters.distributing_valve.reference_stroke_m,
-            opening_area_m2: parameters.servomotor.opening_area_m2,
-            control_area_m2: parameters.distributing_valve.control_area_m2,
-            precompression_m: parameters.distributing_valve.spring_precompression_m,
-            pilot_flow_m3_s: parameters.proportional_valve.rated_flow_m3_s,
-            pilot_drop_pa: parameters.proportional_valve.rated_pressure_drop_pa,
-        };
-        let ratio = |of: fn(&Quantities) -> f64| of(&own) / of(&REFERENCE);
+        let ratio = |of: fn(&Parameters) -> f64| of(parameters) / of(reference_parameters());
         Self {
-            pressure_ratio: ratio(|q| q.pressure_pa),
-            flow_ratio: ratio(Quantities::flow),
-            pilot_flow_ratio: ratio(Quantities::pilot_flow),
-            servomotor_force_ratio: ratio(|q| q.pressure_pa * q.opening_area_m2),
-            servomotor_speed_ratio: ratio(|q| q.flow() / q.opening_area_m2),
-            spool_force_ratio: ratio(|q| q.pressure_pa * q.control_area_m2),
-            spool_speed_ratio: ratio(|q| q.pilot_flow() / q.control_area_m2),
-            spool_stroke_ratio: ratio(|q| q.stroke_m),
-            spring_preload_ratio: ratio(|q| q.precompression_m),
+            pressure_ratio: ratio(|p| p.oil.tank_pressure_pa),
+            flow_ratio: ratio(flow),
+            pilot_flow_ratio: ratio(pilot_flow),
+            servomotor_force_ratio: ratio(|p| p.oil.tank_pressure_pa * p.servomotor.opening_area_m2),
+            servomotor_speed_ratio: ratio(|p| flow(p) / p.servomotor.opening_area_m2),
+            spool_force_ratio: ratio(|p| p.oil.tank_pressure_pa * p.distributing_valve.control_area_m2),
+            spool_speed_ratio: ratio(|p| pilot_flow(p) / p.distributing_valve.control_area_m2),
+            spool_stroke_ratio: ratio(|p| p.distributing_valve.reference_stroke_m),
+            spring_preload_ratio: ratio(|p| p.distributing_valve.spring_precompression_m),
         }
     }
 }
