@@ -2,52 +2,70 @@
 
 use govtwin_model::effects::{Scaling, Stage, find};
 
-/// How much of each effect is in a plant; all zero in a fault-free one. Sizes are deviations from neutral.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Faults {
-    pub(super) command_delay_s: f64,
-    pub(super) command_gain: f64,
-    pub(super) cycle_extra_s: f64,
-    pub(super) pv_overlap_pu: f64,
-    pub(super) pv_null_shift_pu: f64,
-    pub(super) pv_hysteresis_pu: f64,
-    pub(super) pv_frequency_ratio: f64,
-    pub(super) filter_ratio: f64,
+/// Faults of a plant, each by its field and its id.
+macro_rules! faults {
+    ($($(#[$doc:meta])* $field:ident = $id:literal,)+) => {
+        /// How much of each effect is in a plant; all zero in a fault-free one. Sizes are deviations from neutral.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub(crate) struct Faults {
+            $($(#[$doc])* pub(super) $field: f64,)+
+        }
+
+        impl Faults {
+            fn place(&mut self, id: &str) -> Option<&mut f64> {
+                match id {
+                    $($id => Some(&mut self.$field),)+
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+faults! {
+    command_delay_s = "command_delay",
+    command_gain = "command_gain",
+    cycle_extra_s = "regulator_cycle",
+    pv_overlap_pu = "pv_overlap",
+    pv_null_shift_pu = "pv_null_shift",
+    pv_hysteresis_pu = "pv_hysteresis",
+    pv_frequency_ratio = "pv_bandwidth",
+    filter_ratio = "pilot_filter",
     /// Greatest current less the rated one.
-    pub(super) current_limit_pu: f64,
-    pub(super) esv_delay_s: f64,
-    pub(super) esv_travel_s: f64,
-    pub(super) spool_friction_n: f64,
-    pub(super) air_share: f64,
-    pub(super) chamber_leak_m3_s_pa: f64,
-    pub(super) spring_share: f64,
-    pub(super) flow_force_ratio: f64,
-    pub(super) cold_excess: f64,
-    pub(super) port_overlap_m: f64,
-    pub(super) port_wear_m: f64,
-    pub(super) play_pu: f64,
-    pub(super) servo_friction_n: f64,
-    pub(super) servo_leak_m3_s_pa: f64,
+    current_limit_pu = "current_limit",
+    esv_delay_s = "esv_delay",
+    esv_travel_s = "esv_slow",
+    spool_friction_n = "spool_friction",
+    air_share = "entrained_air",
+    chamber_leak_m3_s_pa = "chamber_leak",
+    spring_share = "spring",
+    flow_force_ratio = "flow_force",
+    cold_excess = "viscosity",
+    port_overlap_m = "port_overlap",
+    port_wear_m = "port_wear",
+    play_pu = "backlash",
+    servo_friction_n = "servo_friction",
+    servo_leak_m3_s_pa = "servo_leak",
     /// Strength of the cushion at the very end, N s²/m².
-    pub(super) cushion: f64,
-    pub(super) load_ratio: f64,
+    cushion = "cushion",
+    load_ratio = "load",
     /// Quadratic loss of the line, Pa s²/(m³ m³).
-    pub(super) supply_loss: f64,
+    supply_loss = "supply_loss",
     /// Quadratic loss of the return line, Pa s²/(m³ m³).
-    pub(super) return_loss: f64,
-    pub(super) lvdt_gain: f64,
-    pub(super) lvdt_bias_pu: f64,
-    pub(super) feedback_bias_pu: f64,
-    pub(super) feedback_lag_s: f64,
-    pub(super) clock_offset_s: f64,
-    pub(super) lvdt_cubic_pu: f64,
-    pub(super) ripple_pa: f64,
-    pub(super) sticky_spot_n: f64,
-    pub(super) gain_drift_share: f64,
-    pub(super) surge_n: f64,
-    pub(super) dropout_s: f64,
-    pub(super) esv_hang_s: f64,
-    pub(super) relief_m3_s_pa: f64,
+    return_loss = "return_loss",
+    lvdt_gain = "lvdt_gain",
+    lvdt_bias_pu = "lvdt_bias",
+    feedback_bias_pu = "feedback_bias",
+    feedback_lag_s = "feedback_lag",
+    clock_offset_s = "clock_offset",
+    lvdt_cubic_pu = "lvdt_cubic",
+    ripple_pa = "pump_ripple",
+    sticky_spot_n = "sticky_spot",
+    gain_drift_share = "gain_drift",
+    surge_n = "surge",
+    dropout_s = "command_dropout",
+    esv_hang_s = "esv_hang",
+    relief_m3_s_pa = "relief",
 }
 
 /// Something that no catalogue lists.
@@ -67,119 +85,36 @@ pub(crate) struct Stranger {
     pub meaning: &'static str,
 }
 
-/// All strangers.
-pub(crate) const STRANGERS: &[Stranger] = &[
-    Stranger {
-        id: "lvdt_cubic",
-        stage: Stage::Sensor,
-        typical: 0.04,
-        scaling: Scaling::Fixed,
-        unit: "pu",
-        meaning: "cubic error of the spool transducer at full stroke",
-    },
-    Stranger {
-        id: "pump_ripple",
-        stage: Stage::Supply,
-        typical: 8.0e5,
-        scaling: Scaling::Pressure,
-        unit: "Pa",
-        meaning: "oscillation of the supply pressure at 2 Hz behind the tank, amplitude",
-    },
-    Stranger {
-        id: "sticky_spot",
-        stage: Stage::Servomotor,
-        typical: 3.0e5,
-        scaling: Scaling::ServomotorForce,
-        unit: "N",
-        meaning: "friction in a narrow band of the servomotor's stroke",
-    },
-    Stranger {
-        id: "gain_drift",
-        stage: Stage::PilotValve,
-        typical: 0.35,
-        scaling: Scaling::Fixed,
-        unit: "1",
-        meaning: "share of the pilot valve's flow gain lost while it warms",
-    },
-    Stranger {
-        id: "surge",
-        stage: Stage::Servomotor,
-        typical: 2.5e5,
-        scaling: Scaling::ServomotorForce,
-        unit: "N",
-        meaning: "oscillating guide-vane load at 0.7 Hz, amplitude",
-    },
-    Stranger {
-        id: "command_dropout",
-        stage: Stage::Regulator,
-        typical: 0.1,
-        scaling: Scaling::Fixed,
-        unit: "s",
-        meaning: "length of gaps in which the command is not renewed",
-    },
-    Stranger {
-        id: "esv_hang",
-        stage: Stage::Esv,
-        typical: 0.5,
-        scaling: Scaling::Fixed,
-        unit: "s",
-        meaning: "time for which the ESV hangs half-way",
-    },
-    Stranger {
-        id: "relief",
-        stage: Stage::Spool,
-        typical: 1.0e-9,
-        scaling: Scaling::PilotLeak,
-        unit: "m3/(s Pa)",
-        meaning: "leakage of the control chamber above 3.35 MPa only",
-    },
-];
+/// A row for each stranger, as in an effect's file.
+macro_rules! strangers {
+    ($($id:literal $stage:ident [$unit:literal] $typical:literal $(, scales with $scaling:ident)?: $meaning:literal;)+) => {
+        /// All strangers.
+        pub(crate) const STRANGERS: &[Stranger] = &[$(Stranger {
+            id: $id,
+            stage: Stage::$stage,
+            typical: $typical,
+            scaling: [$(Scaling::$scaling,)? Scaling::Fixed][0],
+            unit: $unit,
+            meaning: $meaning,
+        },)+];
+    };
+}
+
+strangers! {
+    "lvdt_cubic" Sensor ["pu"] 0.04: "cubic error of the spool transducer at full stroke";
+    "pump_ripple" Supply ["Pa"] 8.0e5, scales with Pressure: "oscillation of the supply pressure at 2 Hz behind the tank, amplitude";
+    "sticky_spot" Servomotor ["N"] 3.0e5, scales with ServomotorForce: "friction in a narrow band of the servomotor's stroke";
+    "gain_drift" PilotValve ["1"] 0.35: "share of the pilot valve's flow gain lost while it warms";
+    "surge" Servomotor ["N"] 2.5e5, scales with ServomotorForce: "oscillating guide-vane load at 0.7 Hz, amplitude";
+    "command_dropout" Regulator ["s"] 0.1: "length of gaps in which the command is not renewed";
+    "esv_hang" Esv ["s"] 0.5: "time for which the ESV hangs half-way";
+    "relief" Spool ["m3/(s Pa)"] 1.0e-9, scales with PilotLeak: "leakage of the control chamber above 3.35 MPa only";
+}
 
 impl Faults {
     /// Adds an effect or a stranger of a size as labels give it; false where nothing is called so.
     pub(crate) fn add(&mut self, id: &str, size: f64) -> bool {
-        let place = match id {
-            "command_delay" => &mut self.command_delay_s,
-            "command_gain" => &mut self.command_gain,
-            "regulator_cycle" => &mut self.cycle_extra_s,
-            "pv_overlap" => &mut self.pv_overlap_pu,
-            "pv_null_shift" => &mut self.pv_null_shift_pu,
-            "pv_hysteresis" => &mut self.pv_hysteresis_pu,
-            "pv_bandwidth" => &mut self.pv_frequency_ratio,
-            "pilot_filter" => &mut self.filter_ratio,
-            "current_limit" => &mut self.current_limit_pu,
-            "esv_delay" => &mut self.esv_delay_s,
-            "esv_slow" => &mut self.esv_travel_s,
-            "spool_friction" => &mut self.spool_friction_n,
-            "entrained_air" => &mut self.air_share,
-            "chamber_leak" => &mut self.chamber_leak_m3_s_pa,
-            "spring" => &mut self.spring_share,
-            "flow_force" => &mut self.flow_force_ratio,
-            "viscosity" => &mut self.cold_excess,
-            "port_overlap" => &mut self.port_overlap_m,
-            "port_wear" => &mut self.port_wear_m,
-            "backlash" => &mut self.play_pu,
-            "servo_friction" => &mut self.servo_friction_n,
-            "servo_leak" => &mut self.servo_leak_m3_s_pa,
-            "cushion" => &mut self.cushion,
-            "load" => &mut self.load_ratio,
-            "supply_loss" => &mut self.supply_loss,
-            "return_loss" => &mut self.return_loss,
-            "lvdt_gain" => &mut self.lvdt_gain,
-            "lvdt_bias" => &mut self.lvdt_bias_pu,
-            "feedback_bias" => &mut self.feedback_bias_pu,
-            "feedback_lag" => &mut self.feedback_lag_s,
-            "clock_offset" => &mut self.clock_offset_s,
-            "lvdt_cubic" => &mut self.lvdt_cubic_pu,
-            "pump_ripple" => &mut self.ripple_pa,
-            "sticky_spot" => &mut self.sticky_spot_n,
-            "gain_drift" => &mut self.gain_drift_share,
-            "surge" => &mut self.surge_n,
-            "command_dropout" => &mut self.dropout_s,
-            "esv_hang" => &mut self.esv_hang_s,
-            "relief" => &mut self.relief_m3_s_pa,
-            _ => return false,
-        };
+        let Some(place) = self.place(id) else { return false };
         let neutral = find(id).and_then(|spec| spec.parameters.first()).map_or(0.0, |parameter| parameter.neutral);
         *place += size - neutral;
         true
