@@ -10,8 +10,8 @@ pub const ENVIRONMENT: [(&str, &str); 2] = [("SOURCE_DATE_EPOCH", "1700000000"),
 /// A writer.
 pub struct Case {
     pub name: &'static str,
-    /// What is typed; `ROOT` stands for the folder of everything.
-    pub arguments: &'static [&'static str],
+    /// What is typed, with spaces between; `ROOT` stands for the folder of everything.
+    pub arguments: &'static str,
     pub prepare: fn(&Path),
     /// Several outputs that take their names one after the other, each of them whole.
     pub stepwise: bool,
@@ -32,7 +32,7 @@ fn nothing(_: &Path) {}
 /// What most of them are like.
 pub const PLAIN: Case = Case {
     name: "",
-    arguments: &[],
+    arguments: "",
     prepare: nothing,
     stepwise: false,
     before_next: nothing,
@@ -45,10 +45,10 @@ pub const PLAIN: Case = Case {
 pub fn replay() -> Case {
     Case {
         name: "replay",
-        arguments: &["replay", "ROOT/new/run", "--out", "ROOT/out"],
+        arguments: "replay ROOT/new/run --out ROOT/out",
         prepare: |root| {
             recordings(root);
-            govtwin(root, &["replay", "old/run", "--out", "out"]);
+            govtwin(root, "replay old/run --out out");
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
         ..PLAIN
@@ -58,7 +58,7 @@ pub fn replay() -> Case {
 pub fn generate() -> Case {
     Case {
         name: "generate",
-        arguments: &["generate", "--duration", "30", "--rate", "10", "--out", "ROOT/out"],
+        arguments: "generate --duration 30 --rate 10 --out ROOT/out",
         prepare: |root| fs::write(root.join("diary"), "mine").unwrap(),
         stepwise: true,
         // Broken off between two names, it is refused as a folder of others would be.
@@ -70,35 +70,10 @@ pub fn generate() -> Case {
 pub fn fit() -> Case {
     Case {
         name: "fit",
-        arguments: &[
-            "fit",
-            "ROOT/new/run",
-            "--params",
-            "ROOT/sheet.yaml",
-            "--effect",
-            "port_overlap",
-            "--starts",
-            "1",
-            "--out",
-            "ROOT/out",
-        ],
+        arguments: "fit ROOT/new/run --params ROOT/sheet.yaml --effect port_overlap --starts 1 --out ROOT/out",
         prepare: |root| {
             recordings(root);
-            govtwin(
-                root,
-                &[
-                    "fit",
-                    "old/run",
-                    "--params",
-                    "sheet.yaml",
-                    "--effect",
-                    "port_overlap",
-                    "--starts",
-                    "1",
-                    "--out",
-                    "out",
-                ],
-            );
+            govtwin(root, "fit old/run --params sheet.yaml --effect port_overlap --starts 1 --out out");
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
         ..PLAIN
@@ -108,16 +83,7 @@ pub fn fit() -> Case {
 pub fn diagnose() -> Case {
     Case {
         name: "diagnose",
-        arguments: &[
-            "diagnose",
-            "ROOT/new/run",
-            "--params",
-            "ROOT/sheet.yaml",
-            "WITHOUT",
-            "--out",
-            "ROOT/out",
-            "--overwrite",
-        ],
+        arguments: "diagnose ROOT/new/run --params ROOT/sheet.yaml WITHOUT --out ROOT/out --overwrite",
         prepare: |root| {
             recordings(root);
             diagnosis(root);
@@ -131,15 +97,15 @@ pub fn diagnose() -> Case {
 pub fn import() -> Case {
     Case {
         name: "import",
-        arguments: &["import", "ROOT/table.csv", "--map", "ROOT/look/map.yaml", "--out", "ROOT/out"],
+        arguments: "import ROOT/table.csv --map ROOT/look/map.yaml --out ROOT/out",
         prepare: |root| {
             let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/import/pandas_iso.csv");
             let table = fs::read_to_string(fixture).unwrap();
             fs::write(root.join("table.csv"), &table).unwrap();
-            govtwin(root, &["import", "--suggest", "table.csv", "--out", "look"]);
+            govtwin(root, "import --suggest table.csv --out look");
             let shorter: Vec<&str> = table.lines().take(200).collect();
             fs::write(root.join("table.csv"), shorter.join("\n")).unwrap();
-            govtwin(root, &["import", "table.csv", "--map", "look/map.yaml", "--out", "out"]);
+            govtwin(root, "import table.csv --map look/map.yaml --out out");
             fs::write(root.join("table.csv"), table).unwrap();
             fs::write(root.join("diary"), "mine").unwrap();
         },
@@ -150,12 +116,12 @@ pub fn import() -> Case {
 pub fn import_suggest() -> Case {
     Case {
         name: "import --suggest",
-        arguments: &["import", "--suggest", "ROOT/table.csv", "--out", "ROOT/out"],
+        arguments: "import --suggest ROOT/table.csv --out ROOT/out",
         prepare: |root| {
             let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/import/pandas_iso.csv");
             fs::copy(fixture, root.join("table.csv")).unwrap();
             // The map is the same again: a mended one would be in the way.
-            govtwin(root, &["import", "--suggest", "table.csv", "--out", "out"]);
+            govtwin(root, "import --suggest table.csv --out out");
             fs::write(root.join("out/suggestion.html"), "older, of govtwin").unwrap();
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
@@ -166,11 +132,10 @@ pub fn import_suggest() -> Case {
 pub fn accept() -> Case {
     Case {
         name: "accept",
-        arguments: &["accept", "ROOT/new/run", "--measure-only", "--params", "ROOT/sheet.yaml", "--out", "ROOT/out"],
+        arguments: "accept ROOT/new/run --measure-only --params ROOT/sheet.yaml --out ROOT/out",
         prepare: |root| {
             recordings(root);
-            let older = ["accept", "old/run", "--measure-only", "--params", "sheet.yaml", "--out", "out"];
-            govtwin(root, &older);
+            govtwin(root, "accept old/run --measure-only --params sheet.yaml --out out");
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
         ..PLAIN
@@ -180,7 +145,7 @@ pub fn accept() -> Case {
 pub fn man() -> Case {
     Case {
         name: "man",
-        arguments: &["man", "--out", "ROOT/out"],
+        arguments: "man --out ROOT/out",
         prepare: |root| {
             fs::create_dir(root.join("out")).unwrap();
             fs::write(root.join("out/govtwin.1"), "older, of govtwin").unwrap();
@@ -193,25 +158,12 @@ pub fn man() -> Case {
 pub fn watch() -> Case {
     Case {
         name: "watch",
-        arguments: &[
-            "watch",
-            "ROOT/seen",
-            "--once",
-            "--params",
-            "ROOT/sheet.yaml",
-            "--only",
-            "port_overlap",
-            "--out",
-            "ROOT/out",
-        ],
+        arguments: "watch ROOT/seen --once --params ROOT/sheet.yaml --only port_overlap --out ROOT/out",
         prepare: |root| {
             recordings(root);
             fs::create_dir(root.join("seen")).unwrap();
             fs::rename(root.join("old/run"), root.join("seen/first")).unwrap();
-            govtwin(
-                root,
-                &["watch", "seen", "--once", "--params", "sheet.yaml", "--only", "port_overlap", "--out", "out"],
-            );
+            govtwin(root, "watch seen --once --params sheet.yaml --only port_overlap --out out");
             fs::rename(root.join("new/run"), root.join("seen/second")).unwrap();
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
@@ -225,7 +177,7 @@ pub fn watch() -> Case {
 pub fn fleet_plan() -> Case {
     Case {
         name: "fleet plan",
-        arguments: &["fleet", "plan", "ROOT/units", "--units", "ROOT/units.csv", "--out", "ROOT/store"],
+        arguments: "fleet plan ROOT/units --units ROOT/units.csv --out ROOT/store",
         prepare: fleet,
         stepwise: true,
         ..PLAIN
@@ -235,12 +187,12 @@ pub fn fleet_plan() -> Case {
 pub fn fleet_gather() -> Case {
     Case {
         name: "fleet gather",
-        arguments: &["fleet", "gather", "ROOT/store"],
+        arguments: "fleet gather ROOT/store",
         prepare: |root| {
             fleet(root);
             planned(root);
-            govtwin(root, &["fleet", "gather", "store"]);
-            govtwin(root, &["fleet", "run", "store", "--out", "store"]);
+            govtwin(root, "fleet gather store");
+            govtwin(root, "fleet run store --out store");
         },
         tells_of_before: true,
         ..PLAIN
@@ -250,7 +202,7 @@ pub fn fleet_gather() -> Case {
 pub fn fleet_run() -> Case {
     Case {
         name: "fleet run",
-        arguments: &["fleet", "run", "ROOT/store", "--out", "ROOT/store"],
+        arguments: "fleet run ROOT/store --out ROOT/store",
         prepare: |root| {
             fleet(root);
             planned(root);
@@ -266,7 +218,7 @@ pub fn fleet_run() -> Case {
 pub fn recover() -> Case {
     Case {
         name: "recover",
-        arguments: &["recover", "ROOT/old/run/run_0.mcap", "--out", "ROOT/out"],
+        arguments: "recover ROOT/old/run/run_0.mcap --out ROOT/out",
         prepare: |root| {
             recordings(root);
             let file = root.join("old/run/run_0.mcap");
@@ -283,7 +235,7 @@ pub fn recover() -> Case {
 pub fn report() -> Case {
     Case {
         name: "report",
-        arguments: &["report", "ROOT/out/report.json"],
+        arguments: "report ROOT/out/report.json",
         prepare: |root| {
             recordings(root);
             diagnosis(root);
@@ -296,7 +248,7 @@ pub fn report() -> Case {
 pub fn sheet() -> Case {
     Case {
         name: "sheet new",
-        arguments: &["sheet", "new", "ROOT/plate.yaml", "--quick", "--out", "ROOT/unit.yaml"],
+        arguments: "sheet new ROOT/plate.yaml --quick --out ROOT/unit.yaml",
         prepare: |root| {
             let plate = "name: ours\ntank_pressure: 63 bar\nservomotor_stroke: 600 mm\nservomotor_volume: 120 L\n";
             fs::write(root.join("plate.yaml"), plate).unwrap();
@@ -308,31 +260,29 @@ pub fn sheet() -> Case {
 }
 
 /// Runs the program in a folder; exit codes 0 and 3 are good.
-pub fn govtwin(root: &Path, arguments: &[&str]) {
+pub fn govtwin(root: &Path, arguments: &str) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));
     let run = command.current_dir(root).args(words(root, arguments)).envs(ENVIRONMENT).output().unwrap();
     assert!(matches!(run.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&run.stderr));
 }
 
 /// What is typed, `WITHOUT` standing for all effects but one, so that a diagnosis is quick.
-pub fn words(root: &Path, arguments: &[&str]) -> Vec<String> {
-    let others = || govtwin_model::effects::CATALOGUE.iter().map(|spec| spec.id).filter(|id| *id != "port_overlap");
-    let mut words = vec![];
-    for word in arguments {
-        match *word {
-            "WITHOUT" => words.extend(others().flat_map(|id| ["--without".to_owned(), id.to_owned()])),
-            word => words.push(word.replace("ROOT", root.to_str().unwrap())),
-        }
-    }
-    words
+pub fn words(root: &Path, arguments: &str) -> Vec<String> {
+    let without: String = others().map(|id| format!(" --without {id}")).collect();
+    let typed = arguments.replace("WITHOUT", &without);
+    typed.split_whitespace().map(|word| word.replace("ROOT", root.to_str().unwrap())).collect()
+}
+
+/// All effects but one.
+fn others() -> impl Iterator<Item = &'static str> {
+    govtwin_model::effects::CATALOGUE.iter().map(|spec| spec.id).filter(|id| *id != "port_overlap")
 }
 
 /// Two recordings of one name, `old/run` and `new/run`, and a sheet in which nothing has a tolerance, so that a diagnosis is quick.
 pub fn recordings(root: &Path) {
     for (folder, size) in [("old", "1e-4"), ("new", "3e-4")] {
-        let effect = format!("port_overlap={size}");
-        let fixed = ["generate", "--process", "load_rejection", "--rate", "20", "--spread", "off", "--duration", "30"];
-        govtwin(root, &[&fixed[..], &["--effect", &effect, "--out", folder]].concat());
+        let fixed = "generate --process load_rejection --rate 20 --spread off --duration 30";
+        govtwin(root, &format!("{fixed} --effect port_overlap={size} --out {folder}"));
         fs::remove_file(root.join(folder).join("truth.yaml")).unwrap();
         fs::rename(root.join(folder).join("load_rejection"), root.join(folder).join("run")).unwrap();
         let run = root.join(folder).join("run");
@@ -344,7 +294,7 @@ pub fn recordings(root: &Path) {
 }
 
 pub fn diagnosis(root: &Path) {
-    govtwin(root, &["diagnose", "old/run", "--params", "sheet.yaml", "WITHOUT", "--out", "out"]);
+    govtwin(root, "diagnose old/run --params sheet.yaml WITHOUT --out out");
 }
 
 /// A unit, and a table that names it.
@@ -352,13 +302,12 @@ fn fleet(root: &Path) {
     recordings(root);
     fs::create_dir_all(root.join("units/one")).unwrap();
     fs::rename(root.join("new/run"), root.join("units/one/run")).unwrap();
-    let others = govtwin_model::effects::CATALOGUE.iter().map(|spec| spec.id).filter(|id| *id != "port_overlap");
-    let without = others.collect::<Vec<_>>().join(" ");
+    let without = others().collect::<Vec<_>>().join(" ");
     fs::write(root.join("units.csv"), format!("unit,sheet,without\none,sheet.yaml,{without}\n")).unwrap();
 }
 
 fn planned(root: &Path) {
-    govtwin(root, &["fleet", "plan", "units", "--units", "units.csv", "--out", "store"]);
+    govtwin(root, "fleet plan units --units units.csv --out store");
 }
 
 /// What a run says of itself: times, memory, and the name that it drew.

@@ -7,7 +7,7 @@ use super::cases::{self, Case, PLAIN};
 pub fn blind() -> Case {
     Case {
         name: "blind",
-        arguments: &["blind", "ROOT/new", "--params", "ROOT/sheet.yaml", "--out", "ROOT/out"],
+        arguments: "blind ROOT/new --params ROOT/sheet.yaml --out ROOT/out",
         prepare: |root| {
             cases::recordings(root);
             // A unit is a folder in another.
@@ -26,10 +26,10 @@ pub fn blind() -> Case {
 pub fn train() -> Case {
     Case {
         name: "train",
-        arguments: &["train", "ROOT/new/run", "--manual", "--out", "ROOT/out"],
+        arguments: "train ROOT/new/run --manual --out ROOT/out",
         prepare: |root| {
             cases::recordings(root);
-            cases::govtwin(root, &["train", "old/run", "--manual", "--out", "out"]);
+            cases::govtwin(root, "train old/run --manual --out out");
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
         ..PLAIN
@@ -40,7 +40,7 @@ pub fn train() -> Case {
 pub fn compare() -> Case {
     Case {
         name: "compare",
-        arguments: &["compare", "ROOT/new/run", "--quick", "--iterations", "10", "--out", "ROOT/out"],
+        arguments: "compare ROOT/new/run --quick --iterations 10 --out ROOT/out",
         prepare: |root| {
             cases::recordings(root);
             fs::create_dir(root.join("out")).unwrap();
@@ -58,7 +58,7 @@ pub fn compare() -> Case {
 pub fn battery() -> Case {
     Case {
         name: "blind --generate",
-        arguments: &["blind", "ROOT/units", "--generate", "1", "--rate", "5", "--unchecked"],
+        arguments: "blind ROOT/units --generate 1 --rate 5 --unchecked",
         prepare: |root| {
             // Nothing is diagnosed: the report is there.
             fs::create_dir_all(root.join("units/case_001")).unwrap();
@@ -75,7 +75,7 @@ pub fn battery() -> Case {
 pub fn calibrate() -> Case {
     Case {
         name: "calibrate",
-        arguments: &["calibrate", "ROOT/units", "--out", "ROOT/weights.json"],
+        arguments: "calibrate ROOT/units --out ROOT/weights.json",
         prepare: |root| {
             cases::recordings(root);
             cases::diagnosis(root);

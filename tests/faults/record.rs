@@ -50,16 +50,16 @@ impl Drop for Playing {
 /// Who writes what is heard; the bag is `ROOT/run`.
 #[derive(Clone, Copy)]
 struct Writer {
-    arguments: &'static [&'static str],
+    arguments: &'static str,
     /// Another output, which appears whole or not at all.
     figures: Option<&'static str>,
 }
 
-const RECORD: Writer = Writer { arguments: &["record", "--out", "ROOT/run", "--duration", "4"], figures: None };
+const RECORD: Writer = Writer { arguments: "record --out ROOT/run --duration 4", figures: None };
 
 /// It goes on where its bag cannot: that is told, and nothing else comes of it.
 const NODE: Writer = Writer {
-    arguments: &["run", "--bag", "ROOT/run", "--out", "ROOT/figures.json", "--duration", "4", "--priority", "0"],
+    arguments: "run --bag ROOT/run --out ROOT/figures.json --duration 4 --priority 0",
     figures: Some("figures.json"),
 };
 
@@ -207,7 +207,7 @@ fn run_of_a_node() {
 }
 
 fn try_writer(writer: Writer) {
-    let name = writer.arguments[0];
+    let name = writer.arguments.split(' ').next().unwrap();
     if !trace::is_allowed() {
         println!("{name}: skipped, ptrace is refused here");
         return;
