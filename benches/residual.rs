@@ -16,7 +16,7 @@ use govtwin_correction::row::{Opening, RateOfInputs};
 use govtwin_correction::search::bayesian;
 use govtwin_correction::split::{folds, seven_to_three};
 use govtwin_correction::table::{TableLayout, table};
-use govtwin_correction::training::{self, GuardKind};
+use govtwin_correction::training::{self, GuardKind, Recipe};
 use govtwin_model::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin_model::recording::Recording;
 use govtwin_model::replay::simulate;
@@ -92,6 +92,10 @@ fn steps(name: &str, twin: &Twin, model: &Model, frames: &[Frame]) {
     }
 }
 
+fn recipe(with: &Hyperparameters) -> Recipe<'_> {
+    Recipe { learned: Learned::Residual, with, seed: 1 }
+}
+
 fn main() {
     let unit = govtwin_model::params::reference();
     let prepared = prepare(recordings(), Signal::SpoolPosition);
@@ -106,8 +110,7 @@ fn main() {
 
     let start = Instant::now();
     let model =
-        training::model(&table, &split.train, Learned::Residual, &Hyperparameters::MANUAL, 1, &unit, GuardKind::Range)
-            .unwrap();
+        training::model(&table, &split.train, recipe(&Hyperparameters::MANUAL), &unit, GuardKind::Range).unwrap();
     let trees = model.trees.len();
     let nodes: usize = model.trees.iter().map(|tree| tree.feature.len()).sum();
     println!("training with its band, {trees} trees, {nodes} nodes: {:.1} s", start.elapsed().as_secs_f64());
@@ -141,7 +144,7 @@ fn main() {
 
     let folds = folds(&table, &split.train);
     let start = Instant::now();
-    let evaluate = |point: &[f64]| training::loss(&table, &folds, Learned::Residual, &training::at(point), 1);
+    let evaluate = |point: &[f64]| training::loss(&table, &folds, recipe(&training::at(point)));
     let trials = bayesian(&training::SPACE, 5, 10, 1, evaluate).unwrap();
     let seconds_s = start.elapsed().as_secs_f64();
     println!("Bayesian optimisation, {} evaluations of 5 folds: {seconds_s:.1} s", trials.len());

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use govtwin_bag::{ReadOptions, Stream, Topics};
 use govtwin_correction::booster::{Hyperparameters, Objective};
+use govtwin_correction::features;
 use govtwin_correction::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
 use govtwin_correction::model::Learned;
 use govtwin_correction::prepare::{Cleaning, Prepared, prepare};
@@ -16,7 +17,7 @@ use govtwin_correction::row::{Opening, RateOfInputs};
 use govtwin_correction::search::{Evaluation, Hyperparameter, bayesian, random, slices};
 use govtwin_correction::split::{RowSplit, folds};
 use govtwin_correction::table::{FeatureTable, TableLayout, slowest_period_ns, table};
-use govtwin_correction::{features, training};
+use govtwin_correction::training::{self, Recipe};
 use govtwin_lab::comparison::summary::Searched;
 use govtwin_model::parameters::Unit;
 use govtwin_model::params::Sheet;
@@ -203,7 +204,7 @@ impl Args {
         let trials = search(space, job.kind, [initial, budget], seed, |point| {
             let with = Hyperparameters { objective: job.objective, ..training::at(point) };
             journal
-                .loss(point, || Ok(training::loss(table, &folds, learned, &with, seed)?))
+                .loss(point, || Ok(training::loss(table, &folds, Recipe { learned, with: &with, seed })?))
                 .inspect(|_| progress.step())
         })?;
         Ok(searched(space, job, &trials))

@@ -6,7 +6,7 @@ use govtwin_correction::model::{LEFT_OUT, Learned};
 use govtwin_correction::prepare::Cleaning;
 use govtwin_correction::row::RateOfInputs;
 use govtwin_correction::split::seven_to_three;
-use govtwin_correction::training::{self, GuardKind};
+use govtwin_correction::training::{self, GuardKind, Recipe};
 use govtwin_lab::comparison::Contender;
 use govtwin_lab::comparison::contenders::{self, mechanism, trained};
 use govtwin_lab::comparison::coverage::{CoveredAt, covered_by_distance};
@@ -133,7 +133,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let unit = &ready.sheet.unit;
     let rows = (&split.train[..], &split.test[..]);
-    let (mut model, estimates) = trained(table, rows, Learned::Residual, &with, args.learn.seed, unit, args.guard)?;
+    let recipe = Recipe { learned: Learned::Residual, with: &with, seed: args.learn.seed };
+    let (mut model, estimates) = trained(table, rows, recipe, unit, args.guard)?;
     model.training.insert("objective".to_owned(), objective.id().to_owned());
     let names: Vec<&str> = ready.recordings.iter().map(|one| one.name.as_str()).collect();
     model.training.insert("recordings".to_owned(), names.join(", "));

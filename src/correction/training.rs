@@ -74,20 +74,34 @@ pub fn targets(table: &FeatureTable, rows: &[usize], learned: Learned) -> Vec<f6
     rows.iter().map(of).collect()
 }
 
+/// What trees learn, how they are grown, and from which seed.
+#[derive(Clone, Copy, Debug)]
+pub struct Recipe<'a> {
+    /// What they say.
+    pub learned: Learned,
+    /// How they are grown.
+    pub with: &'a Hyperparameters,
+    /// The seed.
+    pub seed: u64,
+}
+
 /// Grows trees on some rows of a table.
 ///
 /// # Errors
 /// As [`grow`].
-pub fn fit(
-    table: &FeatureTable,
-    rows: &[usize],
-    learned: Learned,
-    with: &Hyperparameters,
-    seed: u64,
-) -> Result<(Vec<Tree>, Vec<f64>), TrainError> {
+pub fn fit(table: &FeatureTable, rows: &[usize], recipe: Recipe<'_>) -> Result<(Vec<Tree>, Vec<f64>), TrainError> {
+    let Recipe { learned, with, seed } = recipe;
     let width = table.layout.features.len();
     let grown = grow(&table.select(rows), width, &targets(table, rows, learned), with, seed)?;
     Ok((grown.trees, grown.importance))
+}
+
+/// The same, ready to be walked.
+///
+/// # Errors
+/// As [`grow`].
+pub fn forest(table: &FeatureTable, rows: &[usize], recipe: Recipe<'_>) -> Result<Forest, TrainError> {
+    walkable(&fit(table, rows, recipe)?.0, table.layout.features.len())
 }
 
 /// Residuals of rows that the trees were not trained on: the row, and target − prediction.
@@ -97,21 +111,13 @@ pub fn fit(
 pub fn out_of_fold(
     table: &FeatureTable,
     folds: &[RowSplit],
-    learned: Learned,
-    with: &Hyperparameters,
-    seed: u64,
+    recipe: Recipe<'_>,
 ) -> Result<Vec<(usize, f64)>, TrainError> {
-    Ok(missed(table, folds, learned, with, seed)?.concat())
+    Ok(missed(table, folds, recipe)?.concat())
 }
 
 /// The same fold by fold; a fold with too few training rows gives none.
-fn missed(
-    table: &FeatureTable,
-    folds: &[RowSplit],
-    learned: Learned,
-    with: &Hyperparameters,
-    seed: u64,
-) -> Result<Vec<Vec<(usize, f64)>>, TrainError> {
+fn missed(table: &FeatureTable, folds: &[RowSplit], recipe: Recipe<'_>) -> Result<Vec<Vec<(usize, f64)>>, TrainError> {
     let most = folds.iter().map(|fold| fold.train.len()).max().unwrap_or(0);
     if most < FEWEST_ROWS {
         return Err(TrainError::TooFew { found: most });
@@ -121,9 +127,8 @@ fn missed(
         if fold.train.len() < FEWEST_ROWS {
             return Ok(vec![]);
         }
-        let (trees, _) = fit(table, &fold.train, learned, with, seed)?;
-        let forest = walkable(&trees, table.layout.features.len())?;
-        let targets = targets(table, &fold.test, learned);
+        let forest = forest(table, &fold.train, recipe)?;
+        let targets = targets(table, &fold.test, recipe.learned);
         let residual = |(&row, target): (&usize, f64)| (row, target - forest.value(table.row(row)));
         Ok(fold.test.iter().zip(targets).map(residual).collect())
     };
@@ -147,14 +152,12 @@ pub enum GuardKind {
 pub fn guard(
     table: &FeatureTable,
     rows: &[usize],
-    learned: Learned,
-    with: &Hyperparameters,
-    seed: u64,
+    recipe: Recipe<'_>,
     kind: GuardKind,
 ) -> Result<(Guard, Option<Band>), TrainError> {
-    let mut guard = Guard::of(&table.select(rows), table.layout.features.len(), &targets(table, rows, learned));
+    let mut guard = Guard::of(&table.select(rows), table.layout.features.len(), &targets(table, rows, recipe.learned));
     let by_time = folds(table, rows);
-    let missed_by_time = missed(table, &by_time, learned, with, seed).unwrap_or_default();
+    let missed_by_time = missed(table, &by_time, recipe).unwrap_or_default();
     let motions = missed_by_time.iter().flatten().map(|(row, missed)| (table.marks[*row].motion, *missed));
     let band = Band::of(&motions.collect::<Vec<_>>(), COVERAGE_SHARE);
     if kind == GuardKind::Range {
@@ -163,8 +166,8 @@ pub fn guard(
     let left_out: Vec<RowSplit> = Process::ALL.map(|process| without(table, rows, process)).into();
     let alone = left_out.iter().filter(|fold| fold.train.len() >= FEWEST_ROWS && !fold.test.is_empty()).count() < 2;
     // A model of the signal itself has no twin to fall back on.
-    let Some(band) = band.filter(|_| learned == Learned::Residual && !alone) else { return Ok((guard, band)) };
-    let missed_unseen = missed(table, &left_out, learned, with, seed)?;
+    let Some(band) = band.filter(|_| recipe.learned == Learned::Residual && !alone) else { return Ok((guard, band)) };
+    let missed_unseen = missed(table, &left_out, recipe)?;
     let folds = left_out.iter().zip(&missed_unseen).enumerate();
     let by_time = by_time.iter().zip(&missed_by_time).map(|fold| (left_out.len(), fold));
     let names: Vec<String> = table.layout.features.iter().map(super::features::Feature::name).collect();
@@ -196,14 +199,8 @@ pub fn walkable(trees: &[Tree], width: usize) -> Result<Forest, TrainError> {
 ///
 /// # Errors
 /// As `out_of_fold`.
-pub fn loss(
-    table: &FeatureTable,
-    folds: &[RowSplit],
-    learned: Learned,
-    with: &Hyperparameters,
-    seed: u64,
-) -> Result<f64, TrainError> {
-    let residuals = out_of_fold(table, folds, learned, with, seed)?;
+pub fn loss(table: &FeatureTable, folds: &[RowSplit], recipe: Recipe<'_>) -> Result<f64, TrainError> {
+    let residuals = out_of_fold(table, folds, recipe)?;
     if residuals.is_empty() {
         return Err(TrainError::TooFew { found: 0 });
     }
@@ -218,21 +215,19 @@ pub fn loss(
 pub fn model(
     table: &FeatureTable,
     rows: &[usize],
-    learned: Learned,
-    with: &Hyperparameters,
-    seed: u64,
+    recipe: Recipe<'_>,
     unit: &Unit,
     kind: GuardKind,
 ) -> Result<Model, TrainError> {
-    let (trees, importance) = fit(table, rows, learned, with, seed)?;
-    let (guard, band) = guard(table, rows, learned, with, seed, kind)?;
+    let (trees, importance) = fit(table, rows, recipe)?;
+    let (guard, band) = guard(table, rows, recipe, kind)?;
     let layout = &table.layout;
     let features: Vec<String> = layout.features.iter().map(super::features::Feature::name).collect();
     Ok(Model {
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")).to_owned(),
         signal: layout.signal.id().to_owned(),
         unit: layout.signal.unit().to_owned(),
-        learned,
+        learned: recipe.learned,
         opening: layout.opening,
         rate_of_inputs: layout.rate_of_inputs,
         period_ns: layout.period_ns,
@@ -242,8 +237,11 @@ pub fn model(
         band,
         importance,
         booster: booster::NAME.to_owned(),
-        hyperparameters: named(with),
-        training: BTreeMap::from([("rows".to_owned(), rows.len().to_string()), ("seed".to_owned(), seed.to_string())]),
+        hyperparameters: named(recipe.with),
+        training: BTreeMap::from([
+            ("rows".to_owned(), rows.len().to_string()),
+            ("seed".to_owned(), recipe.seed.to_string()),
+        ]),
         trees,
     })
 }
@@ -257,7 +255,7 @@ pub fn named(with: &Hyperparameters) -> BTreeMap<String, f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{GuardKind, SPACE, at, loss, model, named};
+    use super::{GuardKind, Recipe, SPACE, at, loss, model, named};
     use crate::booster::{Hyperparameters, TrainError};
     use crate::corrector::Corrector;
     use crate::model::{Learned, Model};
@@ -265,9 +263,11 @@ mod tests {
     use crate::table::tests::{of, recording};
     use govtwin_model::twin::Twin;
 
-    fn quick() -> Hyperparameters {
-        Hyperparameters { num_iterations: 80, learning_rate: 0.15, ..Hyperparameters::MANUAL }
-    }
+    const QUICK: Recipe<'static> = Recipe {
+        learned: Learned::Residual,
+        with: &Hyperparameters { num_iterations: 80, learning_rate: 0.15, ..Hyperparameters::MANUAL },
+        seed: 1,
+    };
 
     /// A gap that the features determine: the sign of the command's error against its middle.
     fn gap(frame: &govtwin_model::frame::Frame, _: f64) -> f64 {
@@ -280,7 +280,7 @@ mod tests {
         let table = of(&recordings);
         let split = seven_to_three(&table);
         let unit = govtwin_model::params::reference();
-        let trained = model(&table, &split.train, Learned::Residual, &quick(), 1, &unit, GuardKind::Range).unwrap();
+        let trained = model(&table, &split.train, QUICK, &unit, GuardKind::Range).unwrap();
         let model = Model::from_text(&trained.to_text().unwrap()).unwrap();
         assert_eq!(model, trained);
         let mut corrector = Corrector::new(&model).unwrap();
@@ -303,9 +303,9 @@ mod tests {
         let table = of(&[recording("a", 0, 60, gap)]);
         let split = seven_to_three(&table);
         let unit = govtwin_model::params::reference();
-        let error = model(&table, &split.train, Learned::Residual, &quick(), 1, &unit, GuardKind::Range).unwrap_err();
+        let error = model(&table, &split.train, QUICK, &unit, GuardKind::Range).unwrap_err();
         assert_eq!(error, TrainError::TooFew { found: 42 });
-        assert!(loss(&table, &folds(&table, &split.train), Learned::Residual, &quick(), 1).is_err());
+        assert!(loss(&table, &folds(&table, &split.train), QUICK).is_err());
     }
 
     #[test]
@@ -320,8 +320,7 @@ mod tests {
 
     #[test]
     fn a_process_that_no_row_taught_is_no_worse_than_its_twin_under_the_guard() {
-        use super::{Learned, fit, guard};
-        use crate::forest::Forest;
+        use super::guard;
         use crate::guard::GuardCounts;
         use crate::split::without_process;
         use govtwin_model::recording::Process;
@@ -335,14 +334,11 @@ mod tests {
             mark.process = Process::ALL[mark.recording];
         }
         let split = without_process(&table, Process::ALL[3]);
-        let learned = Learned::Residual;
-        let (guard, band) = guard(&table, &split.train, learned, &quick(), 1, GuardKind::Processes).unwrap();
-        let range = super::guard(&table, &split.train, learned, &quick(), 1, GuardKind::Range).unwrap();
+        let (guard, band) = guard(&table, &split.train, QUICK, GuardKind::Processes).unwrap();
+        let range = super::guard(&table, &split.train, QUICK, GuardKind::Range).unwrap();
         assert!(range.0.reach.is_none() && range.1 == band);
         assert!(band.is_some() && guard.reach.is_some());
-        let forest =
-            Forest::new(&fit(&table, &split.train, learned, &quick(), 1).unwrap().0, table.layout.features.len())
-                .unwrap();
+        let forest = super::forest(&table, &split.train, QUICK).unwrap();
         let (mut twin, mut bare, mut guarded) = (0.0, 0.0, 0.0);
         for &row in &split.test {
             let (residual, raw) = (table.marks[row].residual(), forest.value(table.row(row)));

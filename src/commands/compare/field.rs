@@ -5,7 +5,7 @@ use govtwin_correction::booster::{Hyperparameters, Objective};
 use govtwin_correction::model::{Learned, Model};
 use govtwin_correction::split::RowSplit;
 use govtwin_correction::table::FeatureTable;
-use govtwin_correction::training::{self, GuardKind};
+use govtwin_correction::training::{self, GuardKind, Recipe};
 use govtwin_lab::comparison::Contender;
 use govtwin_lab::comparison::ablation::{Parents, gated, of_data, of_hybrid};
 use govtwin_lab::comparison::contenders::{self, data_only, mechanism, trained};
@@ -74,25 +74,26 @@ pub fn field(
         let of = mechanism(table, &split.test);
         contenders.push(Contender { id: "refitted", title: "MBM, that and refitted", ..of });
     }
-    let (_, estimates) = trained(&data, rows, Learned::Signal, &alone, seed, unit, GuardKind::Range)?;
+    let (_, estimates) =
+        trained(&data, rows, Recipe { learned: Learned::Signal, with: &alone, seed }, unit, GuardKind::Range)?;
     contenders.push(Contender { id: "ddm", title: "DDM", estimates });
     progress.step();
     let (_, estimates) = gated(&data, split, &of_data(&alone), seed)?;
     contenders.push(Contender { id: "ddm_gate", title: "DDM, gate", estimates });
     progress.step();
-    let (_, estimates) =
-        trained(plain, rows, Learned::Residual, &Hyperparameters::MANUAL, seed, unit, GuardKind::Range)?;
+    let residual = |with| Recipe { learned: Learned::Residual, with, seed };
+    let (_, estimates) = trained(plain, rows, residual(&Hyperparameters::MANUAL), unit, GuardKind::Range)?;
     contenders.push(Contender { id: "lightgbm", title: "LightGBM hybrid", estimates });
     progress.step();
-    let (_, estimates) = trained(plain, rows, Learned::Residual, &paper_by_chance, seed, unit, GuardKind::Range)?;
+    let (_, estimates) = trained(plain, rows, residual(&paper_by_chance), unit, GuardKind::Range)?;
     contenders.push(Contender { id: "random", title: "LightGBM hybrid, random search", estimates });
     progress.step();
-    let (model, estimates) = trained(plain, rows, Learned::Residual, &paper, seed, unit, GuardKind::Processes)?;
+    let (model, estimates) = trained(plain, rows, residual(&paper), unit, GuardKind::Processes)?;
     contenders.push(Contender { id: "mdhm", title: "MDHM", estimates });
     let guarded = contenders::estimates(&model.forest()?, plain, &split.test, Learned::Residual, Some(&model.guard));
     contenders.push(Contender { id: "guarded", title: "MDHM, guarded", estimates: guarded });
     progress.step();
-    let (_, estimates) = trained(best, rows, Learned::Residual, &with, seed, unit, GuardKind::Range)?;
+    let (_, estimates) = trained(best, rows, residual(&with), unit, GuardKind::Range)?;
     contenders.push(Contender { id: "hybrid", title: "hybrid, better twin", estimates });
     progress.step();
     let (_, estimates) = gated(best, split, &of_hybrid(&with), seed)?;

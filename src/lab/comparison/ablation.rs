@@ -8,7 +8,7 @@ use govtwin_correction::features::Feature;
 use govtwin_correction::model::Learned;
 use govtwin_correction::split::{RowSplit, folds};
 use govtwin_correction::table::FeatureTable;
-use govtwin_correction::training::{self, walkable};
+use govtwin_correction::training::{self, Recipe};
 
 /// How many steps there are with a refitted parent; one less without.
 pub const STEPS: usize = 12;
@@ -28,16 +28,9 @@ pub struct Parents<'a> {
 ///
 /// # Errors
 /// Where it cannot be trained.
-pub fn said(
-    table: &FeatureTable,
-    split: &RowSplit,
-    learned: Learned,
-    with: &Hyperparameters,
-    seed: u64,
-) -> Result<Vec<f64>, TrainError> {
-    let (trees, _) = training::fit(table, &split.train, learned, with, seed)?;
-    let forest = walkable(&trees, table.layout.features.len())?;
-    Ok(estimates(&forest, table, &split.test, learned, None))
+pub fn said(table: &FeatureTable, split: &RowSplit, recipe: Recipe<'_>) -> Result<Vec<f64>, TrainError> {
+    let forest = training::forest(table, &split.train, recipe)?;
+    Ok(estimates(&forest, table, &split.test, recipe.learned, None))
 }
 
 /// Models under a gate that was learned on folds of the rows that teach: each what it learns and by which hyperparameters.
@@ -54,14 +47,15 @@ pub fn gated(
     let mut rows: Vec<(usize, Vec<f64>)> = vec![];
     let mut words: Vec<Vec<f64>> = vec![vec![]; split.test.len()];
     for (learned, with) in models {
-        let missed = training::out_of_fold(table, &folds, *learned, with, seed)?;
+        let recipe = Recipe { learned: *learned, with, seed };
+        let missed = training::out_of_fold(table, &folds, recipe)?;
         // Every model misses on the same rows in the same order.
         rows.resize_with(missed.len(), Default::default);
         for (own, (row, missed)) in rows.iter_mut().zip(missed) {
             own.0 = row;
             own.1.push(table.marks[row].measured - missed);
         }
-        let judged = said(table, split, *learned, with, seed)?;
+        let judged = said(table, split, recipe)?;
         words.iter_mut().zip(judged).for_each(|(own, word)| own.push(word));
     }
     let gate = BlendGate::learned(table, models.len(), &rows);
@@ -114,7 +108,7 @@ pub fn ablation(
     let mut contenders =
         vec![Contender { id: "mbm_best", title: "the twin alone, inputs drawn in", ..mechanism(best, &split.test) }];
     for (id, title, table, learned, with) in steps {
-        contenders.push(Contender { id, title, estimates: said(table, split, learned, &with, seed)? });
+        contenders.push(Contender { id, title, estimates: said(table, split, Recipe { learned, with: &with, seed })? });
         done();
     }
     let (_, estimates) = gated(&alone_rates, split, &of_data(with), seed)?;

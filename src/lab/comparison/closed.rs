@@ -12,7 +12,7 @@ use govtwin_correction::guard::Guard;
 use govtwin_correction::model::Learned;
 use govtwin_correction::split::RowSplit;
 use govtwin_correction::table::FeatureTable;
-use govtwin_correction::training::{self, targets, walkable};
+use govtwin_correction::training::{self, Recipe, targets, walkable};
 use govtwin_model::effects;
 use govtwin_model::frame::Estimate;
 use govtwin_model::parameters::Unit;
@@ -97,10 +97,11 @@ pub fn closed_loop(
     seed: u64,
     mut done: impl FnMut(),
 ) -> Result<FreeRunFigures, TrainError> {
+    let recipe = Recipe { learned: Learned::Residual, with: &Hyperparameters::MANUAL, seed };
+    let forest = training::forest(table, &split.train, recipe)?;
     let width = table.layout.features.len();
-    let (trees, _) = training::fit(table, &split.train, Learned::Residual, &Hyperparameters::MANUAL, seed)?;
     let guard = Guard::of(&table.select(&split.train), width, &targets(table, &split.train, Learned::Residual));
-    let additive = estimates(&walkable(&trees, width)?, table, &split.test, Learned::Residual, Some(&guard));
+    let additive = estimates(&forest, table, &split.test, Learned::Residual, Some(&guard));
     done();
 
     let drawn: Vec<(Recording, Vec<usize>)> = recordings.iter().map(|one| drawn(one, grid_ns)).collect();

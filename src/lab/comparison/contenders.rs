@@ -10,7 +10,7 @@ use govtwin_correction::guard::{Guard, GuardCounts};
 use govtwin_correction::model::{Learned, Model};
 use govtwin_correction::split::without_process;
 use govtwin_correction::table::{FeatureTable, TableLayout};
-use govtwin_correction::training::{self, GuardKind, walkable};
+use govtwin_correction::training::{self, GuardKind, Recipe};
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Process;
 
@@ -66,15 +66,13 @@ pub fn estimates(
 pub fn trained(
     table: &FeatureTable,
     split: (&[usize], &[usize]),
-    learned: Learned,
-    with: &Hyperparameters,
-    seed: u64,
+    recipe: Recipe<'_>,
     unit: &Unit,
     kind: GuardKind,
 ) -> Result<(Model, Vec<f64>), TrainError> {
-    let model = training::model(table, split.0, learned, with, seed, unit, kind)?;
+    let model = training::model(table, split.0, recipe, unit, kind)?;
     let forest = model.forest().map_err(|error| TrainError::Library(error.to_string()))?;
-    let said = estimates(&forest, table, split.1, learned, None);
+    let said = estimates(&forest, table, split.1, recipe.learned, None);
     Ok((model, said))
 }
 
@@ -99,15 +97,11 @@ pub fn leave_one_out(
         if split.test.is_empty() || split.train.is_empty() {
             continue;
         }
-        let forest = |table: &FeatureTable, learned| -> Result<Forest, TrainError> {
-            let (trees, _) = training::fit(table, &split.train, learned, &Hyperparameters::MANUAL, seed)?;
-            walkable(&trees, table.layout.features.len())
-        };
+        let recipe = |learned| Recipe { learned, with: &Hyperparameters::MANUAL, seed };
         let mut hybrids = |table: &FeatureTable, [bare, guarded]: [(&'static str, &'static str); 2]| {
-            let with = Hyperparameters::MANUAL;
-            let (guard, band) =
-                training::guard(table, &split.train, Learned::Residual, &with, seed, GuardKind::Processes)?;
-            let hybrid = forest(table, Learned::Residual)?;
+            let recipe = recipe(Learned::Residual);
+            let (guard, band) = training::guard(table, &split.train, recipe, GuardKind::Processes)?;
+            let hybrid = training::forest(table, &split.train, recipe)?;
             done();
             let said = |guard| estimates(&hybrid, table, &split.test, Learned::Residual, guard);
             let of = |(id, title), estimates| Contender { id, title, estimates };
@@ -118,7 +112,7 @@ pub fn leave_one_out(
         let ([paper, paper_guarded], _) = hybrids(plain, names)?;
         let names = [("hybrid_drawn", "hybrid on it"), ("guarded_drawn", "hybrid on it, guarded")];
         let ([better, better_guarded], band) = hybrids(drawn, names)?;
-        let alone = forest(&data, Learned::Signal)?;
+        let alone = training::forest(&data, &split.train, recipe(Learned::Signal))?;
         done();
         let ddm = estimates(&alone, &data, &split.test, Learned::Signal, None);
         let contenders = [
