@@ -64,60 +64,53 @@ const WINDOWS: [usize; 2] = [5, PAST];
 
 /// All features, in the order of a model's list.
 pub fn all() -> Vec<Feature> {
+    use FeatureKind::{Bend, Highest, Lag, Lowest, Mean, Now, Rate, Slope, Spread, Strength, Times};
     use RowChannel::{Command, Error, Esv, Model, Opening, TankPressure};
     let mut list = vec![];
     let mut add = |group, channel, kind| list.push(Feature { group, channel, kind });
     for channel in [Command, Opening, TankPressure, Esv] {
-        add(FeatureGroup::Original, channel, FeatureKind::Now);
+        add(FeatureGroup::Original, channel, Now);
     }
-    add(FeatureGroup::Interaction, Error, FeatureKind::Now);
+    add(FeatureGroup::Interaction, Error, Now);
     for (one, other) in
         [(Error, TankPressure), (Error, Esv), (Error, Opening), (Command, TankPressure), (Opening, TankPressure)]
     {
-        add(FeatureGroup::Interaction, one, FeatureKind::Times(other));
+        add(FeatureGroup::Interaction, one, Times(other));
     }
     for channel in [Command, Opening, Error] {
         for lag in LAGS {
-            add(FeatureGroup::Lag, channel, FeatureKind::Lag(lag));
+            add(FeatureGroup::Lag, channel, Lag(lag));
         }
     }
     for channel in [Command, Opening, Error] {
-        add(FeatureGroup::Lag, channel, FeatureKind::Rate);
-        add(FeatureGroup::Lag, channel, FeatureKind::Bend);
+        add(FeatureGroup::Lag, channel, Rate);
+        add(FeatureGroup::Lag, channel, Bend);
     }
     for (channel, lag) in [(TankPressure, 1), (TankPressure, 5), (Esv, 1), (Esv, 2), (Esv, 5)] {
-        add(FeatureGroup::Lag, channel, FeatureKind::Lag(lag));
+        add(FeatureGroup::Lag, channel, Lag(lag));
     }
     for channel in [Command, Opening, Error, TankPressure] {
         for window in WINDOWS {
-            add(FeatureGroup::Rolling, channel, FeatureKind::Mean(window));
-            add(FeatureGroup::Rolling, channel, FeatureKind::Spread(window));
+            add(FeatureGroup::Rolling, channel, Mean(window));
+            add(FeatureGroup::Rolling, channel, Spread(window));
         }
     }
     for window in WINDOWS {
-        add(FeatureGroup::Rolling, Error, FeatureKind::Lowest(window));
-        add(FeatureGroup::Rolling, Error, FeatureKind::Highest(window));
+        add(FeatureGroup::Rolling, Error, Lowest(window));
+        add(FeatureGroup::Rolling, Error, Highest(window));
     }
     for channel in RowChannel::ALL.into_iter().filter(|channel| channel.is_model()) {
-        add(FeatureGroup::Model, channel, FeatureKind::Now);
+        add(FeatureGroup::Model, channel, Now);
     }
-    for kind in [
-        FeatureKind::Rate,
-        FeatureKind::Bend,
-        FeatureKind::Lag(1),
-        FeatureKind::Lag(2),
-        FeatureKind::Lag(3),
-        FeatureKind::Mean(5),
-        FeatureKind::Spread(5),
-    ] {
+    for kind in [Rate, Bend, Lag(1), Lag(2), Lag(3), Mean(5), Spread(5)] {
         add(FeatureGroup::Model, Model, kind);
     }
     for channel in [Command, Opening, Error] {
-        add(FeatureGroup::Trend, channel, FeatureKind::Slope(5));
-        add(FeatureGroup::Trend, channel, FeatureKind::Strength(PAST));
+        add(FeatureGroup::Trend, channel, Slope(5));
+        add(FeatureGroup::Trend, channel, Strength(PAST));
     }
-    add(FeatureGroup::Trend, Model, FeatureKind::Slope(5));
-    add(FeatureGroup::Trend, Model, FeatureKind::Strength(PAST));
+    add(FeatureGroup::Trend, Model, Slope(5));
+    add(FeatureGroup::Trend, Model, Strength(PAST));
     list
 }
 
