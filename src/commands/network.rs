@@ -1,6 +1,7 @@
 //! Which networks a node uses, and how it stays known on them: options that every command on DDS has.
 
 use std::net::IpAddr;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use govtwin_node::environment::Environment;
@@ -29,9 +30,15 @@ impl NetworkArgs {
     }
 }
 
+/// Refuses a value outside of the range that its option takes; the unit stands behind the range.
+pub fn within(option: &str, value: f64, range: RangeInclusive<f64>, unit: &str) -> anyhow::Result<()> {
+    let (low, high) = (range.start(), range.end());
+    expect(range.contains(&value), || format!("{option} is {value}: expected {low} to {high}{unit}"))
+}
+
 /// The environment of this process with this lease, s, on the networks of these addresses; on all where there are none.
 pub fn environment(lease_s: f64, addresses: &[IpAddr]) -> anyhow::Result<Environment> {
-    expect((1.0..=3600.0).contains(&lease_s), || format!("--lease is {lease_s}: expected 1 to 3600 s"))?;
+    within("--lease", lease_s, 1.0..=3600.0, " s")?;
     let environment = Environment::of_process()?;
     let only_networks = if addresses.is_empty() { environment.only_networks.clone() } else { Some(addresses.to_vec()) };
     Ok(Environment { lease: Duration::from_secs_f64(lease_s), only_networks, ..environment })

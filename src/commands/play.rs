@@ -11,10 +11,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
 use super::choice::{Choice, choice};
-use super::network::NetworkArgs;
+use super::network::{NetworkArgs, within};
 use super::output;
 use super::run::{duration, stop_on_signals};
-use crate::commands::{Outcome, expect, number};
+use crate::commands::{Outcome, number};
 
 /// Arguments of `govtwin play`.
 #[derive(Debug, clap::Args)]
@@ -79,9 +79,8 @@ const STAMPS: [Choice<Stamps>; 2] = [
 
 /// Plays a recording to its end, or until a signal.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    expect((1e-3..=1e3).contains(&args.speed), || format!("--speed is {}: expected 0.001 to 1000", args.speed))?;
-    let clock_ok = args.clock_hz.is_none_or(|hz| (0.1..=10_000.0).contains(&hz));
-    expect(clock_ok, || format!("--clock is {}: expected 0.1 to 10000 Hz", args.clock_hz.unwrap_or_default()))?;
+    within("--speed", args.speed, 1e-3..=1e3, "")?;
+    args.clock_hz.map_or(Ok(()), |hz| within("--clock", hz, 0.1..=10_000.0, " Hz"))?;
     let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
     let stamps = args.stamps.unwrap_or(if args.clock_hz.is_some() { Stamps::Recorded } else { Stamps::Now });
     let options = PlayOptions { speed_ratio: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait, stamps };

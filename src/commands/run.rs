@@ -16,7 +16,7 @@ use govtwin_node::realtime::Wishes;
 use govtwin_node::settings::{InputSettings, NodeSettings};
 use serde_json::json;
 
-use super::network::NetworkArgs;
+use super::network::{NetworkArgs, within};
 use super::{bus_map, model, output};
 use crate::commands::{Outcome, expect, number, sheet_of, usage};
 
@@ -154,21 +154,15 @@ pub struct Args {
 
 /// Runs the node until a signal, its duration or the fail-safe ends it.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let Args { rate_hz, publish_rate_hz, stale_after_s, hold_s, .. } = args;
-    expect((1.0..=10_000.0).contains(rate_hz), || format!("--rate is {rate_hz}: expected 1 to 10000 Hz"))?;
+    let Args { rate_hz, publish_rate_hz, .. } = args;
+    within("--rate", *rate_hz, 1.0..=10_000.0, " Hz")?;
     expect((0.1..=*rate_hz).contains(publish_rate_hz), || {
         format!("--publish-rate is {publish_rate_hz}: expected 0.1 Hz to --rate, {rate_hz} Hz")
     })?;
-    expect((0.001..=86_400.0).contains(stale_after_s), || {
-        format!("--stale-after is {stale_after_s}: expected 0.001 to 86400 s")
-    })?;
-    expect(args.max_stamp_age_s.is_none_or(|limit_s| (0.001..=86_400.0).contains(&limit_s)), || {
-        format!("--max-stamp-age is {}: expected 0.001 to 86400 s", args.max_stamp_age_s.unwrap_or_default())
-    })?;
-    expect((0.001..=3600.0).contains(&args.step_timeout_s), || {
-        format!("--step-timeout is {}: expected 0.001 to 3600 s", args.step_timeout_s)
-    })?;
-    expect((0.0..=86_400.0).contains(hold_s), || format!("--hold is {hold_s}: expected 0 to 86400 s"))?;
+    within("--stale-after", args.stale_after_s, 0.001..=86_400.0, " s")?;
+    args.max_stamp_age_s.map_or(Ok(()), |limit_s| within("--max-stamp-age", limit_s, 0.001..=86_400.0, " s"))?;
+    within("--step-timeout", args.step_timeout_s, 0.001..=3600.0, " s")?;
+    within("--hold", args.hold_s, 0.0..=86_400.0, " s")?;
     let settings = NodeSettings {
         rate_hz: args.rate_hz,
         publish_rate_hz: args.publish_rate_hz,
