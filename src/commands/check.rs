@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use govtwin_model::effects::find_in;
-use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
-use govtwin_model::params::{self, Origin, SENSOR_ENTRIES, Sheet, number_text, quantity_text, tolerance_text};
+use govtwin_model::parameters::{ENTRIES, SENSOR_ENTRIES, Tolerance, Unit};
+use govtwin_model::params::{self, Origin, Sheet, number_text, quantity_text, tolerance_text};
 use serde_json::{Value, json};
 
 use crate::commands::output::{print, warn};

@@ -192,19 +192,50 @@ pub struct Sensor {
     pub step: f64,
 }
 
-/// The transducers of the servo system.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sensors {
+/// One transducer of [`Sensors`], for files and tables.
+pub struct SensorEntry {
+    /// Name of the signal, with its unit suffix.
+    pub name: &'static str,
+    /// Unit of noise and step.
+    pub unit: &'static str,
+    /// Largest noise or step that makes sense.
+    pub max: f64,
+    /// Reads it.
+    pub get: fn(&Sensors) -> Sensor,
+    /// Writes it, unchecked.
+    pub set: fn(&mut Sensors, Sensor),
+}
+
+macro_rules! sensors {
+    ($($(#[$doc:meta])* $field:ident [$unit:literal] $max:literal,)*) => {
+        /// The transducers of the servo system.
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        pub struct Sensors {
+            $($(#[$doc])* pub $field: Sensor,)*
+        }
+
+        /// Every transducer, in order.
+        pub const SENSOR_ENTRIES: &[SensorEntry] = &[$(SensorEntry {
+            name: stringify!($field),
+            unit: $unit,
+            max: $max,
+            get: |sensors| sensors.$field,
+            set: |sensors, sensor| sensors.$field = sensor,
+        }),*];
+    };
+}
+
+sensors! {
     /// Spool position, pu.
-    pub spool_position_pu: Sensor,
+    spool_position_pu ["pu"] 0.2,
     /// Servomotor position, pu.
-    pub servomotor_position_pu: Sensor,
+    servomotor_position_pu ["pu"] 0.2,
     /// Pilot-valve position, pu.
-    pub pilot_valve_position_pu: Sensor,
+    pilot_valve_position_pu ["pu"] 0.2,
     /// Tank pressure, Pa.
-    pub tank_pressure_pa: Sensor,
+    tank_pressure_pa ["Pa"] 1.0e6,
     /// Control-chamber pressure, Pa.
-    pub control_pressure_pa: Sensor,
+    control_pressure_pa ["Pa"] 1.0e6,
 }
 
 /// An effect switched on, with its parameters in the order of its specification.

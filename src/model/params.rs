@@ -29,13 +29,13 @@ pub mod yaml;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use crate::parameters::{ENTRIES, OwnEffect, Parameters, Unit};
+use crate::parameters::{ENTRIES, OwnEffect, Parameters, SENSOR_ENTRIES, Unit};
 use govtwin_files::read_text;
 
 pub use consistency::{Conflict, conflicts};
 pub use error::{FileProblem, ParamsError};
 pub use number::{number_text, quantity_text, tolerance_text};
-pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet, unit_digest};
+pub use sheet::{Origin, Sheet, unit_digest};
 pub use suggest::nearest;
 pub use write::{Overlay, WholeSheet, overlay_text, whole_text, write};
 

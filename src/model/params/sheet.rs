@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use crate::parameters::{ChannelReadings, ENTRIES, Parameters, Sensor, Sensors, Unit};
+use crate::parameters::{ChannelReadings, ENTRIES, Parameters, SENSOR_ENTRIES, Sensors, Unit};
 use govtwin_files::digest::Digest;
 
 /// Where a value was read.
@@ -69,41 +69,6 @@ pub fn unit_digest(unit: &Unit) -> String {
         digest.update(format!("{:?}", unit.recorded));
     }
     digest.text()
-}
-
-/// One transducer of [`Sensors`], for files and tables.
-pub struct SensorEntry {
-    /// Name of the signal, with its unit suffix.
-    pub name: &'static str,
-    /// Unit of noise and step.
-    pub unit: &'static str,
-    /// Largest noise or step that makes sense.
-    pub max: f64,
-    /// Reads it.
-    pub get: fn(&Sensors) -> Sensor,
-    /// Writes it, unchecked.
-    pub set: fn(&mut Sensors, Sensor),
-}
-
-macro_rules! sensors {
-    ($($field:ident [$unit:literal] $max:literal),* $(,)?) => {
-        /// Every transducer, in the order of the data sheet.
-        pub const SENSOR_ENTRIES: &[SensorEntry] = &[$(SensorEntry {
-            name: stringify!($field),
-            unit: $unit,
-            max: $max,
-            get: |sensors| sensors.$field,
-            set: |sensors, sensor| sensors.$field = sensor,
-        }),*];
-    };
-}
-
-sensors! {
-    spool_position_pu ["pu"] 0.2,
-    servomotor_position_pu ["pu"] 0.2,
-    pilot_valve_position_pu ["pu"] 0.2,
-    tank_pressure_pa ["Pa"] 1.0e6,
-    control_pressure_pa ["Pa"] 1.0e6,
 }
 
 #[cfg(test)]

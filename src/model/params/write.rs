@@ -7,14 +7,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::effects::find_in;
-use crate::parameters::{ChannelReading, ChannelReadings, ENTRIES, Sensors, Tolerance, Unit};
+use crate::parameters::{ChannelReading, ChannelReadings, ENTRIES, SENSOR_ENTRIES, Sensors, Tolerance, Unit};
 use crate::params::yaml::quoted;
 use govtwin_files::write_atomically;
 
 use super::error::{FileProblem, ParamsError};
 use super::merge::{name_of, section_of};
 use super::number::number_text;
-use super::sheet::SENSOR_ENTRIES;
 use super::{reference, sheet_over_reference};
 
 pub use whole::{WholeSheet, whole_text};

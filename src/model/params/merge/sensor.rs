@@ -1,7 +1,6 @@
 //! One transducer of a file: its noise and its step.
 
-use crate::parameters::Sensor;
-use crate::params::sheet::{SENSOR_ENTRIES, SensorEntry};
+use crate::parameters::{SENSOR_ENTRIES, Sensor, SensorEntry};
 use crate::params::yaml::Node;
 
 use super::{Mapping, Merge, get};
