@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
+use govtwin_model::parameters::{ENTRIES, EffectSetting, Tolerance, Unit};
 use govtwin_model::params::{self, Overlay, ParamsError};
 use proptest::prelude::{any, prop, prop_assert_eq, proptest};
 
@@ -56,13 +56,14 @@ fn the_shipped_sheet_says_what_the_data_sheet_says() {
 
 #[test]
 fn an_overlay_changes_what_it_names_and_nothing_else() {
-    let text =
-        "oil:\n  density_kg_m3: 865\nregulator:\n  spool_gain: {tol: 0.1}\nsensors:\n  spool_position_pu: {noise: 0}\n";
+    let text = "oil:\n  density_kg_m3: 865\nregulator:\n  spool_gain: {tol: 0.1}\nsensors:\n  spool_position_pu: {noise: 0}\n\
+                effects:\n  cushion: {length_pu: 0.06}\n";
     let unit = load(text).unwrap();
     let mut expected = params::reference();
     expected.parameters.oil.density_kg_m3 = 865.0;
     expected.tolerances[1] = Some(Tolerance::Relative(0.1));
     expected.sensors.spool_position_pu.noise = 0.0;
+    expected.effects = vec![EffectSetting { id: "cushion".to_owned(), values: vec![0.0, 0.06] }];
     assert_eq!(unit, expected);
     assert_eq!(load("").unwrap(), params::reference());
     assert_eq!(load("# nothing differs\n").unwrap(), params::reference());
@@ -177,6 +178,12 @@ fn wrong_types_are_told() {
         (
             "sensors: {spool_position_pu: 1}",
             "1 sensors.spool_position_pu: expected `{noise: …, step: …}` in pu, found the number 1",
+        ),
+        ("effects: {backlsh: {}}", "1 effects.backlsh: unknown key; did you mean `backlash`?"),
+        ("effects: {backlash: {play: 0.1}}", "1 effects.backlash.play: unknown key; did you mean `play_pu`?"),
+        (
+            "effects: {backlash: {play_pu: 2}}",
+            "1 effects.backlash.play_pu: 2.0 pu is outside the physical range, 0.0 to 0.03 pu",
         ),
     ] {
         assert_eq!(problems(text), [expected], "{text}");
