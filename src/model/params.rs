@@ -182,21 +182,3 @@ fn read_reference() -> Result<Sheet, Vec<FileProblem>> {
     }
     if problems.is_empty() { Ok(sheet) } else { Err(problems) }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::parameters::Tolerance;
-
-    #[test]
-    fn the_shipped_sheet_is_whole() {
-        let sheet = read_reference().unwrap();
-        let unit = reference();
-        assert_eq!(unit, sheet.unit);
-        assert_eq!(unit.parameters.oil.density_kg_m3, 870.0);
-        assert_eq!(unit.parameters.servomotor.load_slope_n, 2.5e5);
-        assert_eq!(unit.sensors.servomotor_position_pu.step, 6.1e-5);
-        let leakage = ENTRIES.iter().position(|entry| entry.key == "distributing_valve.leakage_m3_s_pa").unwrap();
-        assert_eq!(unit.tolerances[leakage], Some(Tolerance::LogNormal(0.3)));
-    }
-}
