@@ -32,8 +32,8 @@ impl NetworkArgs {
 
 /// Refuses a value outside of the range that its option takes; the unit stands behind the range.
 pub fn within(option: &str, value: f64, range: RangeInclusive<f64>, unit: &str) -> anyhow::Result<()> {
-    let (low, high) = (range.start(), range.end());
-    expect(range.contains(&value), || format!("{option} is {value}: expected {low} to {high}{unit}"))
+    let (low, high) = range.into_inner();
+    expect((low..=high).contains(&value), || format!("{option} is {value}: expected {low} to {high}{unit}"))
 }
 
 /// The environment of this process with this lease, s, on the networks of these addresses; on all where there are none.
