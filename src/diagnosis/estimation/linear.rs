@@ -35,16 +35,23 @@ impl<'a, C: Coordinate> Projection<'a, C> {
 /// Rows of a block that stays in the cache.
 const BLOCK_ROWS: usize = 1024;
 
+/// The sum of what each block of so many rows contributes; `of_block` gets its first row and its number of rows.
+fn summed_over_blocks(
+    rows: usize,
+    shape: (usize, usize),
+    of_block: impl Fn(usize, usize) -> DMatrix<f64> + Sync + Send,
+) -> DMatrix<f64> {
+    let of_block = |block: usize| of_block(block * BLOCK_ROWS, BLOCK_ROWS.min(rows - block * BLOCK_ROWS));
+    let blocks: Vec<DMatrix<f64>> = (0..rows.div_ceil(BLOCK_ROWS)).into_par_iter().map(of_block).collect();
+    // In the order of the blocks, so that the number of threads changes nothing.
+    blocks.into_iter().fold(DMatrix::zeros(shape.0, shape.1), |sum, block| sum + block)
+}
+
 /// `aᵀ b` of tall matrices, block by block: nalgebra's `tr_mul` multiplies column by column, ten times slower here.
 pub fn crossed(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
-    let of_block = |block: usize| {
-        let first = block * BLOCK_ROWS;
-        let count = BLOCK_ROWS.min(a.nrows() - first);
+    summed_over_blocks(a.nrows(), (a.ncols(), b.ncols()), |first, count| {
         a.rows(first, count).transpose() * b.rows(first, count)
-    };
-    let blocks: Vec<DMatrix<f64>> = (0..a.nrows().div_ceil(BLOCK_ROWS)).into_par_iter().map(of_block).collect();
-    // In the order of the blocks, so that the number of threads changes nothing.
-    blocks.into_iter().fold(DMatrix::zeros(a.ncols(), b.ncols()), |sum, block| sum + block)
+    })
 }
 
 /// Columns whose products are made together; what lies below the diagonal is not made twice.
@@ -52,20 +59,18 @@ const PANEL_COLUMNS: usize = 64;
 
 /// `aᵀ a` of a tall matrix of many columns.
 pub fn gram(a: &DMatrix<f64>) -> DMatrix<f64> {
-    let of_block = |block: usize| {
-        let first = block * BLOCK_ROWS;
-        let rows = a.rows(first, BLOCK_ROWS.min(a.nrows() - first));
+    let columns = a.ncols();
+    let mut gram = summed_over_blocks(a.nrows(), (columns, columns), |first, count| {
+        let rows = a.rows(first, count);
         let across = rows.transpose();
-        let mut gram = DMatrix::zeros(a.ncols(), a.ncols());
-        for left in (0..a.ncols()).step_by(PANEL_COLUMNS) {
-            let right = a.ncols().min(left + PANEL_COLUMNS);
+        let mut gram = DMatrix::zeros(columns, columns);
+        for left in (0..columns).step_by(PANEL_COLUMNS) {
+            let right = columns.min(left + PANEL_COLUMNS);
             let panel = across.rows(0, right) * rows.columns(left, right - left);
             gram.view_mut((0, left), panel.shape()).copy_from(&panel);
         }
         gram
-    };
-    let blocks: Vec<DMatrix<f64>> = (0..a.nrows().div_ceil(BLOCK_ROWS)).into_par_iter().map(of_block).collect();
-    let mut gram = blocks.into_iter().fold(DMatrix::zeros(a.ncols(), a.ncols()), |sum, block| sum + block);
+    });
     gram.fill_lower_triangle_with_upper_triangle();
     gram
 }

@@ -53,7 +53,7 @@ impl KnownSets {
 
     /// Least evidence of what is fitted on.
     fn least_evidence(&self) -> f64 {
-        self.ordered().first().map_or(f64::NEG_INFINITY, |leader| leader.log_evidence - WITHIN_REACH)
+        self.fitted.values().map(|one| one.log_evidence).fold(f64::NEG_INFINITY, f64::max) - WITHIN_REACH
     }
 
     /// Fits sets that cost more than one which they hold anew, from where that one stands, its further effects at nothing and as they were: from nothing a

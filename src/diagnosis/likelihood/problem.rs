@@ -74,24 +74,50 @@ impl Problem {
     /// The same recordings, their noise laid out along another unit's simulation.
     #[must_use]
     pub fn laid_along(&self, reference: &Unit) -> Self {
+        let along = Self::whiteners_along(std::slice::from_ref(self), reference).into_iter();
+        let whiteners = along.map(|of_problem| of_problem.into_iter().flat_map(|(whiteners, _)| whiteners).collect());
+        self.of(self.recordings.clone(), whiteners.collect())
+    }
+
+    /// The same with each of these amounts of noise inside the loop, over that of one reading, and what the unit then leaves.
+    pub(crate) fn laid_along_each(&self, reference: &Unit, ratios: &[f64]) -> Vec<(Self, Residuals)> {
+        let mut problems: Vec<Self> = ratios.iter().map(|&ratio| self.with_loop_noise(ratio)).collect();
+        let mut left = vec![Residuals::new(); ratios.len()];
+        for (index, of_recording) in Self::whiteners_along(&problems, reference).into_iter().enumerate() {
+            for ((problem, left), (whiteners, estimates)) in problems.iter_mut().zip(&mut left).zip(of_recording) {
+                problem.whiteners.push(whiteners);
+                let traces = Signal::ALL.map(|signal| signal.of_estimates(&estimates));
+                left.push(problem.whitened(&self.recordings[index], index, traces));
+            }
+        }
+        problems.into_iter().zip(left).collect()
+    }
+
+    /// By recording, and of each of several problems that differ in their noise alone, the filters along a unit and the unit's estimates.
+    fn whiteners_along(problems: &[Self], reference: &Unit) -> Vec<Vec<(Vec<Whitener>, Vec<Estimate>)>> {
         let [less, more] = [-1.0, 1.0].map(|times| twin_of(&with_moved_stops(reference, times)));
         let twins = [twin_of(reference), less, more];
         let step_pu = Regulator::new(&reference.parameters.regulator).deadband_step_pu();
-        let whiteners = (0..self.recordings.len())
-            .into_par_iter()
-            .map(|index| {
-                let recording = &self.recordings[index];
-                // A spool that is recorded stands where it stands.
-                let loose = if recording.cut == Cut::Spool { 1 } else { twins.len() };
-                let mut twins: Vec<Twin> =
-                    twins[..loose].iter().map(|twin| self.prepared(twin.clone(), index)).collect();
-                self.simulations.fetch_add(twins.len(), Ordering::Relaxed);
-                let mut estimates = recording.run_batch(&mut twins);
-                let moved = estimates.split_off(1);
-                whiteners(recording, &self.noise, &estimates[0], &moved, step_pu)
-            })
-            .collect();
-        self.of(self.recordings.clone(), whiteners)
+        let of_recording = |index: usize| {
+            let recording = &problems[0].recordings[index];
+            // A spool that is recorded stands where it stands.
+            let loose = if recording.cut == Cut::Spool { 1 } else { twins.len() };
+            let all = problems
+                .iter()
+                .flat_map(|problem| twins[..loose].iter().map(move |twin| problem.prepared(twin.clone(), index)));
+            let mut all: Vec<Twin> = all.collect();
+            problems[0].simulations.fetch_add(all.len(), Ordering::Relaxed);
+            let batches = all.chunks_mut(Width::most_lanes());
+            let mut estimates = batches.flat_map(|batch| recording.run_batch(batch));
+            let of_problem = |problem: &Self| {
+                let own = estimates.next().unwrap_or_default();
+                let moved: Vec<Vec<Estimate>> = estimates.by_ref().take(loose - 1).collect();
+                (whiteners(recording, &problem.noise, &own, &moved, step_pu), own)
+            };
+            problems.iter().map(of_problem).collect()
+        };
+        let count = problems.first().map_or(0, |problem| problem.recordings.len());
+        (0..count).into_par_iter().map(of_recording).collect()
     }
 
     /// Other versions of the recordings, their noise laid out along a unit's simulation; what it simulates counts with this problem's.
@@ -197,11 +223,8 @@ impl Problem {
     pub fn squares(&self, recording: usize, signal: Signal, estimates: &[Estimate]) -> Option<Vec<f64>> {
         let place = self.recordings[recording].place(signal)?;
         let simulated = signal.of_estimates(estimates);
-        Some(
-            self.whiteners[recording][place]
-                .limit_cycles
-                .squares(&self.recordings[recording].measured(signal), &simulated),
-        )
+        let whitener = &self.whiteners[recording][place];
+        Some(whitener.limit_cycles.squares(&whitener.measured, &simulated))
     }
 
     /// Whether any recording has samples so far apart that nobody knows what drives the unit between them.
@@ -275,8 +298,7 @@ impl Problem {
             let start = all.len();
             let simulated = &mut traces[signal as usize];
             simulated.iter_mut().filter(|value| is_astray(**value)).for_each(|value| *value = ASTRAY);
-            let measured = data.measured(signal).into_iter();
-            all.extend(measured.zip(&*simulated).map(|(measured, simulated)| measured - simulated));
+            all.extend(whitener.measured.iter().zip(&*simulated).map(|(measured, simulated)| measured - simulated));
             whitener.apply(&mut all[start..]);
             limit_cycles.extend(whitener.limit_cycles(simulated));
         }
@@ -288,9 +310,10 @@ impl Problem {
     pub fn innovations(&self, recording: usize, signal: Signal, residuals: &DVector<f64>) -> Vec<f64> {
         let data = &self.recordings[recording];
         let Some(place) = data.place(signal) else { return Vec::new() };
-        let root = self.whiteners[recording][place].share.sqrt();
+        let whitener = &self.whiteners[recording][place];
+        let root = whitener.share.sqrt();
         let own = residuals.iter().skip(place * data.samples.len());
-        let measured = data.measured(signal).into_iter().zip(own).filter(|(measured, _)| measured.is_finite());
+        let measured = whitener.measured.iter().zip(own).filter(|(measured, _)| measured.is_finite());
         measured.map(|(_, residual)| residual / root).collect()
     }
 

@@ -38,6 +38,8 @@ fn tamed(residual: f64, share: f64) -> f64 {
 /// The filter of one signal in one recording: gains and scales, fixed so that it is linear in the residuals.
 #[derive(Clone, Debug)]
 pub struct Whitener {
+    /// The signal as measured at each sample; not a number where it was not.
+    pub measured: Vec<f64>,
     decay: Vec<f64>,
     gain: Vec<f64>,
     scale: Vec<f64>,
@@ -74,7 +76,7 @@ pub fn whiteners(
     };
     let each = recording.signals().zip(looks).zip(variances).zip(limit_cycles);
     each.map(|(((signal, look), variances), limit_cycles)| {
-        Whitener::new(recording, &noise[signal as usize], &look, &variances, limit_cycles)
+        Whitener::new(recording, &noise[signal as usize], look, &variances, limit_cycles)
     })
     .collect()
 }
@@ -87,7 +89,7 @@ impl Whitener {
     fn new(
         recording: &PreparedRecording,
         noise: &SignalNoise,
-        look: &SignalSamples,
+        look: SignalSamples,
         variances: &Variances,
         limit_cycles: LimitCycles,
     ) -> Self {
@@ -122,7 +124,7 @@ impl Whitener {
         let seen: Vec<f64> = seen.map(|(square, _)| *square).collect();
         let floor_square = seen.iter().sum::<f64>() / seen.len().max(1) as f64;
         let share = independent_share(recording.unit_period_s());
-        Self { decay, gain, scale, kicked, share, limit_cycles, floor_square }
+        Self { measured: look.measured, decay, gain, scale, kicked, share, limit_cycles, floor_square }
     }
 
     /// Twice the logarithm of the standard deviation, over all samples, raised as the likelihood is.
