@@ -40,9 +40,11 @@ impl Merge<'_> {
         for parameter in spec.parameters {
             let parameter = parameter.on(&self.sheet.unit.parameters);
             let path = [section, id, parameter.name];
-            let slack = if parameter.scaling == Scaling::Fixed { 1.0 } else { REFITTED };
-            let [low, high] =
-                [parameter.min, parameter.max].map(|end| parameter.neutral + slack * (end - parameter.neutral));
+            // The end of a fixed range is itself, which no sum of differences gives back to the last bit.
+            let [low, high] = [parameter.min, parameter.max].map(|end| match parameter.scaling {
+                Scaling::Fixed => end,
+                _ => parameter.neutral + REFITTED * (end - parameter.neutral),
+            });
             values.extend(match get(map, parameter.name) {
                 Some(node) => self.number(&path, node, parameter.unit, (low, high)),
                 None => Some(parameter.neutral),
@@ -130,6 +132,19 @@ mod tests {
         let (effects, problems) = read("backlash: {delay_s: 0.5}");
         assert_eq!(problems, Vec::<String>::new());
         assert_eq!(effects, [EffectSetting { id: "backlash".to_owned(), values: vec![0.0, 0.5] }]);
+    }
+
+    #[test]
+    fn the_ends_of_every_range_are_read() {
+        for spec in crate::effects::CATALOGUE {
+            for parameter in spec.parameters {
+                for end in [parameter.min, parameter.max] {
+                    let text = format!("effects: {{{}: {{{}: {end:?}}}}}", spec.id, parameter.name);
+                    let read = crate::params::sheet_over_reference(&text, std::path::Path::new("unit.yaml"));
+                    assert_eq!(read.map(|sheet| sheet.unit.effects.len()), Ok(1), "{text}");
+                }
+            }
+        }
     }
 
     #[test]
