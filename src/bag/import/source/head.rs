@@ -146,7 +146,7 @@ impl TableHead {
 const SECONDS: Words = Words("s|sec|secs|second|seconds");
 /// Words for parts of a second, with their digits behind it.
 const PARTS: [(Words, usize); 3] = [
-    (Words("ms|msec|millis|millisec|millisecond|milliseconds|millisekunden|millitm"), 3),
+    (Words("ms|msec|millis|millisec|millisecond|milliseconds|millisekunden"), 3),
     (Words("us|usec|microseconds"), 6),
     (Words("ns|nsec|nanosec|nanosecs|nanoseconds"), 9),
 ];
