@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use govtwin_model::effects::CATALOGUE;
 use govtwin_model::parameters::{ENTRIES, EffectSetting, Tolerance, Unit};
 use govtwin_model::params::{self, Overlay, ParamsError};
 use proptest::prelude::{any, prop, prop_assert_eq, proptest};
@@ -140,6 +141,18 @@ fn every_slip_of_a_file_is_told_at_once_with_the_way_out() {
         "11 servomotor.width_m: unknown key; did you mean `main_ports.width_m` in m?",
     ];
     assert_eq!(found, expected);
+}
+
+#[test]
+fn the_ends_of_every_effects_range_are_read() {
+    for spec in CATALOGUE {
+        for parameter in spec.parameters {
+            for end in [parameter.min, parameter.max] {
+                let text = format!("effects: {{{}: {{{}: {end:?}}}}}", spec.id, parameter.name);
+                assert_eq!(load(&text).map(|unit| unit.effects.len()), Ok(1), "{text}");
+            }
+        }
+    }
 }
 
 #[test]

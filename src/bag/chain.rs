@@ -22,7 +22,8 @@ use copies::{CopyWatch, Pair};
 pub(crate) use impossible::Impossible;
 use jumps::JumpWatch;
 use onsets::OnsetWatch;
-use rests::{Followed, RestWatch};
+pub use rests::Followed;
+use rests::RestWatch;
 use trips::TripWatch;
 use watches::{HeldWatch, Relation, ShiftWatch};
 
@@ -158,9 +159,7 @@ impl ChainEvidence {
         self.servo_ends = wider(self.servo_ends, servo);
         self.command_ends = wider(self.command_ends, command);
         self.speed(frame, servo, spool);
-        if normal && is_inside(servo) && command.is_finite() {
-            self.followed.take(command, servo);
-        }
+        self.followed.take(frame);
         self.copied(time_ns, command, servo, normal);
         self.copies.take(Pair { time_ns, command, position: servo, normal });
         self.jumps.take(time_ns, servo);
@@ -268,11 +267,11 @@ impl ChainEvidence {
         found.extend(self.trips.found());
         found.extend(self.onsets.found());
         let is_away = self.away > AWAY_PU && self.away > AWAY_RATIO * self.towards;
-        let correlation = self.relation.correlation();
+        let correlation = self.relation.sums.value();
         if is_away {
             let (away_pu, towards_pu) = (self.away, self.towards);
             let lead_s = (self.distances / self.speeds.max(f64::MIN_POSITIVE)).sqrt();
-            found.push(if self.relation.n >= PAIRS && correlation > UNRELATED && lead_s < OTHER_CLOCK_S {
+            found.push(if self.relation.sums.pairs >= PAIRS && correlation > UNRELATED && lead_s < OTHER_CLOCK_S {
                 Impossible::Leads { away_pu, towards_pu, lead_s }
             } else {
                 Impossible::Away {
@@ -282,7 +281,7 @@ impl ChainEvidence {
                 }
             });
         }
-        let tell = self.relation.n >= PAIRS.max(self.held_pairs)
+        let tell = self.relation.sums.pairs >= PAIRS.max(self.held_pairs)
             && span(self.servo_ends) > MOVED_PU
             && self.relation.speed_lasts();
         let shifted = self.shifts.best(correlation, PAIRS).filter(|_| tell);

@@ -26,6 +26,7 @@ mod source;
 mod streams;
 pub mod suggest;
 mod topics;
+mod words;
 
 pub use error::ImportError;
 pub use lines::Between;

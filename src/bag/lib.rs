@@ -33,6 +33,7 @@ mod channels;
 mod chunk;
 mod clock;
 mod collect;
+mod correlation;
 #[cfg(feature = "sqlite")]
 mod db3;
 mod distribution;
@@ -82,6 +83,7 @@ use govtwin_model::recording::Recording;
 use govtwin_model::units::{TICK_NS, nanos_from_seconds, seconds_from_nanos};
 
 pub use align::FARTHEST_NS;
+pub use chain::Followed;
 pub use error::BagError;
 pub use field::{FieldPath, FieldReader, FieldValue};
 pub use finding::{Finding, Kind, Severity};

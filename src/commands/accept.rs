@@ -104,7 +104,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut made = provenance::new("accept", &sheet, None)?;
     let mapped = args.map.open(&args.bags)?;
     let topics = args.topics.topics();
-    let Recordings { recordings, mut warnings, read, .. } = bags::read(&mapped.paths, &topics, &sheet.unit)?;
+    let Recordings { recordings, mut warnings, notes, read } = bags::read(&mapped.paths, &topics, &sheet.unit)?;
     let (recordings, read) = trusted(recordings, read)?;
     warnings.splice(0..0, mapped.warnings.iter().cloned());
     made.recordings = provenance::inputs(&read, &mapped)?;
@@ -125,7 +125,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     let (summary, drawn) = judge(&recordings, faults.as_ref(), &limits, &sheet.unit);
     warnings.extend(faults.iter().flat_map(|faults| faults.notes.clone()));
-    describe(&mut made, args, &warnings)?;
+    // What the sheet and the recordings leave open is said already, and belongs to the report.
+    describe(&mut made, args, &[&warnings[..], &notes].concat())?;
     let summary = AcceptanceSummary { provenance: Some(made), ..summary };
     write(output, &summary, &drawn)?;
     if args.json {
@@ -136,7 +137,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     warn_all(&warnings);
     let kept = matches!(summary.standing, None | Some(LimitStanding::Passes));
-    Ok(if kept && warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
+    Ok(if kept && warnings.is_empty() && notes.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
 /// Leaves out the recordings whose figures would not be those of the unit: no limit is kept by what cannot be trusted.

@@ -305,16 +305,22 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
         let position = position?;
         taken.recordings.iter().find_map(|recording| position.also_in(recording, unit))
     };
+    // Recordings of one set are of one clock.
+    let clear = scales.iter().find_map(|(scale, ..)| scale.filter(TimeScale::is_clear));
     let agree = TimeScale::agree(scales.iter().filter_map(|(scale, ..)| scale.as_ref()));
     for ((bag, taken), (scale, spool, position)) in bags.into_iter().zip(loaded).zip(scales) {
         let Bag { path, name } = bag;
-        let scaled = scale.filter(TimeScale::is_other).map(|scale| scale.words(!agree));
+        let is_other_time = scale.is_some_and(|scale| clear.is_some_and(|clear| scale.is_alike(&clear)));
+        let scaled =
+            scale.filter(|scale| is_other_time || scale.is_other()).map(|scale| scale.words(!(agree || is_other_time)));
         let position = position.or_else(|| taken.as_ref().ok().filter(can_tell).and_then(also));
-        let channels = spool.into_iter().chain(position.map(|scale| scale.doubt()));
-        let (refusing, noted): (Vec<Doubt>, Vec<Doubt>) = channels.partition(Doubt::refuses);
-        let near = scale.and_then(|scale| scale.doubt()).filter(Doubt::is_note);
-        notes.extend(noted.into_iter().chain(near).map(|doubt| format!("{name}: {}", doubt.words)));
-        let other = scaled.clone().filter(|_| agree).or(refusing.into_iter().next().map(|doubt| doubt.words));
+        let near = scale.and_then(|scale| scale.doubt());
+        let near = near.filter(|_| !is_other_time);
+        let noted = near.iter().chain(&spool).filter(|doubt| doubt.is_note());
+        notes.extend(noted.map(|doubt| format!("{name}: {}", doubt.words)));
+        let spool = spool.filter(Doubt::refuses).map(|doubt| doubt.words);
+        let other =
+            scaled.clone().filter(|_| agree || is_other_time).or(spool).or_else(|| position.map(|scale| scale.words()));
         let taken = taken.and_then(|taken| match untrusted(&taken, topics, unit, other) {
             Some(reason) => Err(format!("{name}: {reason}")),
             None => Ok(taken),

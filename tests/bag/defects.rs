@@ -19,114 +19,119 @@ pub enum Fate {
 
 /// A change that makes a recording untrue.
 pub struct Defect {
+    pub kind: &'static str,
     pub what: &'static str,
     pub fate: Fate,
     pub change: fn(&mut Vec<Frame>),
 }
 
-const fn impossible(what: &'static str, change: fn(&mut Vec<Frame>)) -> Defect {
-    Defect { what, fate: Fate::Impossible, change }
+const fn impossible(kind: &'static str, what: &'static str, change: fn(&mut Vec<Frame>)) -> Defect {
+    Defect { kind, what, fate: Fate::Impossible, change }
 }
 
-const fn of_another(what: &'static str, change: fn(&mut Vec<Frame>)) -> Defect {
-    Defect { what, fate: Fate::OfAnother, change }
+const fn of_another(kind: &'static str, what: &'static str, change: fn(&mut Vec<Frame>)) -> Defect {
+    Defect { kind, what, fate: Fate::OfAnother, change }
 }
 
-const fn doubtful(what: &'static str, change: fn(&mut Vec<Frame>)) -> Defect {
-    Defect { what, fate: Fate::Doubtful, change }
+const fn doubtful(kind: &'static str, what: &'static str, change: fn(&mut Vec<Frame>)) -> Defect {
+    Defect { kind, what, fate: Fate::Doubtful, change }
 }
 
 /// Those of wiring, channels, clocks and machines.
-pub const DEFECTS: [Defect; 42] = [
-    impossible("the position is the command", |rows| {
+pub const DEFECTS: [Defect; 44] = [
+    impossible("copy", "the position is the command", |rows| {
         map(rows, |_, row| row.measured.servomotor_position_pu = row.inputs.opening_command_pu);
     }),
-    impossible("the command is the position", |rows| {
+    impossible("copy", "the command is the position", |rows| {
         map(rows, |_, row| row.inputs.opening_command_pu = row.measured.servomotor_position_pu);
     }),
-    impossible("the position is the command with some noise", |rows| copy(rows, 1e-4)),
-    impossible("the position is the command with much noise", |rows| copy(rows, 1e-3)),
-    impossible("the position is the command of 60 ms before with some noise", |rows| {
+    impossible("copy", "the position is the command with some noise", |rows| copy(rows, 1e-4)),
+    impossible("copy", "the position is the command with much noise", |rows| copy(rows, 1e-3)),
+    impossible("copy", "the position is the command of 60 ms before with some noise", |rows| {
         let commands: Vec<f64> = rows.iter().map(|row| row.inputs.opening_command_pu).collect();
         servomotor(rows, |k, _| commands[k.saturating_sub(6)] + noise(k, 1e-4));
     }),
-    impossible("the position is the command in coarse steps", |rows| {
+    impossible("copy", "the position is the command in coarse steps", |rows| {
         copy(rows, 0.0);
         servomotor(rows, |_, position| (position * 4096.0).round() / 4096.0);
     }),
-    impossible("time runs backwards", |rows| {
+    impossible("time", "time runs backwards", |rows| {
         let times: Vec<i64> = rows.iter().map(|row| row.time_ns).collect();
         rows.reverse();
         rows.iter_mut().zip(times).for_each(|(row, time_ns)| row.time_ns = time_ns);
     }),
-    impossible("the position is turned", |rows| servomotor(rows, |_, position| 1.0 - position)),
-    of_another("the position is doubled", |rows| servomotor(rows, |_, position| 2.0 * position)),
-    of_another("the position is halved", |rows| servomotor(rows, |_, position| 0.5 * position)),
-    of_another("the position is four fifths", |rows| servomotor(rows, |_, position| 0.8 * position)),
-    of_another("the position is a quarter more", |rows| servomotor(rows, |_, position| 1.25 * position)),
-    impossible("the position is off by a tenth", |rows| servomotor(rows, |_, position| position + 0.1)),
-    doubtful("the command is halved", |rows| command(rows, |opening| 0.5 * opening)),
-    impossible("the command is turned", |rows| command(rows, |opening| 1.0 - opening)),
-    impossible("the spool is turned", |rows| spool(rows, |_, position| -position)),
-    impossible("the position is stuck", |rows| {
+    impossible("sign", "the position is turned", |rows| servomotor(rows, |_, position| 1.0 - position)),
+    of_another("scale", "the position is doubled", |rows| servomotor(rows, |_, position| 2.0 * position)),
+    of_another("scale", "the position is halved", |rows| servomotor(rows, |_, position| 0.5 * position)),
+    of_another("scale", "the position is four fifths", |rows| servomotor(rows, |_, position| 0.8 * position)),
+    of_another("scale", "the position is a quarter more", |rows| servomotor(rows, |_, position| 1.25 * position)),
+    impossible("scale", "the position is off by a tenth", |rows| servomotor(rows, |_, position| position + 0.1)),
+    doubtful("scale", "the command is halved", |rows| command(rows, |opening| 0.5 * opening)),
+    impossible("sign", "the command is turned", |rows| command(rows, |opening| 1.0 - opening)),
+    impossible("sign", "the spool is turned", |rows| spool(rows, |_, position| -position)),
+    impossible("stuck or held", "the position is stuck", |rows| {
         let first = rows[0].measured.servomotor_position_pu;
         servomotor(rows, |_, _| first);
     }),
-    impossible("the position is stuck, with noise", |rows| {
+    impossible("stuck or held", "the position is stuck, with noise", |rows| {
         let first = rows[0].measured.servomotor_position_pu;
         servomotor(rows, |k, _| first + noise(k, 3e-4));
     }),
-    impossible("the position sticks half way, with noise", |rows| {
+    impossible("stuck or held", "the position sticks half way, with noise", |rows| {
         let half = rows.len() / 10;
         let at = rows[half].measured.servomotor_position_pu;
         servomotor(rows, |k, position| if k > half { at + noise(k, 3e-4) } else { position });
     }),
-    impossible("the spool is stuck, with noise", |rows| spool(rows, |k, _| 0.01 + noise(k, 1e-3))),
-    impossible("the spool is noise", |rows| spool(rows, |k, _| noise(k, 0.2))),
-    impossible("spool and servomotor are of another time", |rows| {
+    impossible("stuck or held", "the spool is stuck, with noise", |rows| spool(rows, |k, _| 0.01 + noise(k, 1e-3))),
+    impossible("stuck or held", "the spool is noise", |rows| spool(rows, |k, _| noise(k, 0.2))),
+    impossible("machines", "spool and servomotor are of another time", |rows| {
         let measured: Vec<_> = rows.iter().map(|row| row.measured).collect();
         map(rows, |k, row| row.measured = measured[(k + measured.len() / 3) % measured.len()]);
     }),
-    impossible("the measured state is of another machine", |rows| {
+    impossible("machines", "the measured state is of another machine", |rows| {
         let other = frames(OTHER_MACHINE);
         map(rows, |k, row| row.measured = other[k % other.len()].measured);
     }),
-    impossible("the spool is of another machine", |rows| {
+    impossible("machines", "the spool is of another machine", |rows| {
         let other = frames(OTHER_MACHINE);
         spool(rows, |k, _| other[k % other.len()].measured.spool_position_pu);
     }),
-    impossible("the ESV is inverted", |rows| {
+    impossible("ESV", "the ESV is inverted", |rows| {
         map(rows, |_, row| {
             let is_normal = row.inputs.esv == EsvState::Normal;
             row.inputs.esv = if is_normal { EsvState::Shutdown } else { EsvState::Normal };
         });
     }),
-    impossible("the ESV has tripped all along", |rows| map(rows, |_, row| row.inputs.esv = EsvState::Shutdown)),
-    of_another("the pressure is ten times as high", |rows| pressure(rows, 10.0)),
-    of_another("the pressure is twice as high", |rows| pressure(rows, 2.0)),
-    of_another("the pressure is half", |rows| pressure(rows, 0.5)),
-    of_another("the pressure is in bar", |rows| pressure(rows, 1e-5)),
-    of_another("the spool is doubled", |rows| spool(rows, |_, position| 2.0 * position)),
-    of_another("the spool is a tenth", |rows| spool(rows, |_, position| 0.1 * position)),
-    of_another("time is stretched by a half", |rows| time(rows, 1.5)),
-    of_another("time is stretched ten times", |rows| time(rows, 10.0)),
-    of_another("time is half", |rows| time(rows, 0.5)),
-    doubtful("the response comes before the command", |rows| {
+    impossible("ESV", "the ESV has tripped all along", |rows| map(rows, |_, row| row.inputs.esv = EsvState::Shutdown)),
+    of_another("pressure", "the pressure is ten times as high", |rows| pressure(rows, 10.0)),
+    of_another("pressure", "the pressure is twice as high", |rows| pressure(rows, 2.0)),
+    of_another("pressure", "the pressure is half", |rows| pressure(rows, 0.5)),
+    of_another("pressure", "the pressure is in bar", |rows| pressure(rows, 1e-5)),
+    of_another("scale", "the spool is doubled", |rows| spool(rows, |_, position| 2.0 * position)),
+    of_another("scale", "the spool is a tenth", |rows| spool(rows, |_, position| 0.1 * position)),
+    of_another("time", "time is stretched by 1.3", |rows| time(rows, 1.3)),
+    of_another("time", "time is four fifths", |rows| time(rows, 0.8)),
+    of_another("time", "time is stretched by a half", |rows| time(rows, 1.5)),
+    of_another("time", "time is stretched ten times", |rows| time(rows, 10.0)),
+    of_another("time", "time is half", |rows| time(rows, 0.5)),
+    doubtful("time", "the response comes before the command", |rows| {
         let commands: Vec<f64> = rows.iter().map(|row| row.inputs.opening_command_pu).collect();
         map(rows, |k, row| row.inputs.opening_command_pu = commands[k.saturating_sub(100)]);
     }),
-    doubtful("the position comes before the spool", |rows| {
+    doubtful("time", "the position comes before the spool", |rows| {
         let spools: Vec<f64> = rows.iter().map(|row| row.measured.spool_position_pu).collect();
         spool(rows, |k, _| spools[k.saturating_sub(12)]);
     }),
-    doubtful("the position comes half a second after everything else", |rows| {
+    doubtful("time", "the position comes half a second after everything else", |rows| {
         let positions: Vec<f64> = rows.iter().map(|row| row.measured.servomotor_position_pu).collect();
         servomotor(rows, |k, _| positions[k.saturating_sub(50)]);
     }),
-    doubtful("the position is held for half a second", |rows| hold(rows, Signal::ServomotorPosition, 50)),
-    doubtful("the position is held for a second", |rows| hold(rows, Signal::ServomotorPosition, 100)),
-    doubtful("the spool is held for half a second", |rows| hold(rows, Signal::SpoolPosition, 50)),
-    doubtful("two senders take turns", |rows| {
+    doubtful("stuck or held", "the position is held for half a second", |rows| {
+        hold(rows, Signal::ServomotorPosition, 50)
+    }),
+    doubtful("stuck or held", "the position is held for a second", |rows| hold(rows, Signal::ServomotorPosition, 100)),
+    doubtful("stuck or held", "the spool is held for half a second", |rows| hold(rows, Signal::SpoolPosition, 50)),
+    doubtful("machines", "two senders take turns", |rows| {
         servomotor(rows, |k, position| if k % 2 == 0 { position } else { 0.9 * position + 0.07 });
     }),
 ];

@@ -1,5 +1,6 @@
 //! What `accept` and `diagnose` make of recordings that cannot be true: none passes a test, none is a fault of the machine.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
@@ -8,11 +9,11 @@ use mcap::WriteOptions;
 
 use super::defects::{DEFECTS, Defect, Fate, bag_of, frames};
 
-/// A folder with a defect in recordings of a fault-free unit.
-fn defective(defect: &Defect, processes: &[&str]) -> tempfile::TempDir {
+/// A folder with a defect in recordings of a unit.
+fn defective(defect: &Defect, unit: &str, processes: &[&str]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for process in processes {
-        let mut rows = frames(&format!("practice/case_01/{process}.mcap"));
+        let mut rows = frames(&format!("{unit}/{process}.mcap"));
         (defect.change)(&mut rows);
         let file = folder.path().join(process).with_extension("mcap");
         std::fs::write(file, bag_of(&rows).bytes(WriteOptions::new())).unwrap();
@@ -59,16 +60,64 @@ const REASONS: [&str; 17] = [
     "more than one sender",
 ];
 
+const FAULT_FREE: &str = "practice/case_01";
+
 /// Defects of these fates that a command does not refuse for a reason in each of two recordings.
 fn let_pass(command: &str, arguments: &[&str], fates: &[Fate]) -> Vec<String> {
     let defects = DEFECTS.iter().filter(|defect| fates.contains(&defect.fate));
     let told = |defect: &Defect| {
-        let folder = defective(defect, &["load_rejection", "load_increase"]);
+        let folder = defective(defect, FAULT_FREE, &["load_rejection", "load_increase"]);
         let (code, said, told) = run(command, arguments, folder.path());
         let reasons = REASONS.iter().map(|reason| told.matches(reason).count()).sum::<usize>();
         (code != 1 || !said.is_empty() || reasons < 2).then(|| format!("{}: {code} {told}", defect.what))
     };
     defects.filter_map(told).collect()
+}
+
+/// What a command makes of a defect: its column in the table.
+fn outcome(command: &str, (code, said, told): &(i32, String, String)) -> usize {
+    let is_named = REASONS.iter().any(|reason| told.contains(reason));
+    let report: serde_json::Value = serde_json::from_str(said).unwrap_or_default();
+    let causes = report["effects"].as_array().into_iter().flatten();
+    let is_fault = causes.filter_map(|cause| cause["probability"].as_f64()).any(|probability| probability > 0.5);
+    match (code, is_named) {
+        (1, true) => 0,
+        (_, true) => 1,
+        (1, false) => 2,
+        _ if command == "diagnose" && is_fault => 3,
+        _ => 4,
+    }
+}
+
+#[test]
+#[ignore = "a table of docs/robustness.md; a diagnosis of each defect that is let through"]
+fn every_defect_by_its_kind() {
+    let mut table: BTreeMap<(&str, &str), [usize; 5]> = BTreeMap::new();
+    for Defect { kind, .. } in &DEFECTS {
+        for command in ["accept", "diagnose"] {
+            table.entry((kind, command)).or_default();
+        }
+    }
+    for unit in [FAULT_FREE, "practice/case_05"] {
+        for defect in &DEFECTS {
+            let folder = defective(defect, unit, &["load_rejection", "load_increase"]);
+            for (command, arguments) in [("accept", &["--measure-only"][..]), ("diagnose", &[])] {
+                let all = run(command, arguments, folder.path());
+                let column = outcome(command, &all);
+                table.entry((defect.kind, command)).or_default()[column] += 1;
+                if column > 0 {
+                    println!("{unit}, {}, {command}: {column}, {} {}", defect.what, all.0, all.2.trim());
+                }
+            }
+        }
+    }
+    println!(
+        "| kind | command | named as data | asked | refused | a fault above 50 % | passed |\n|---|---|--:|--:|--:|--:|--:|"
+    );
+    for ((kind, command), counts) in &table {
+        println!("| {kind} | `{command}` | {} |", counts.map(|count| count.to_string()).join(" | "));
+    }
+    assert!(table.values().all(|counts| counts[3] + counts[4] == 0));
 }
 
 #[test]
@@ -83,7 +132,26 @@ fn nothing_is_concluded_from_what_cannot_be() {
     assert!(passed.is_empty(), "{passed:#?}");
 }
 
-/// A loss of oil flow slows a unit, nothing makes it faster, and no sheet is wrong by a factor of five.
+/// The sheet states its ports to 3 %, so that 20 % of a spool are those of its channel; and what its own load increase leaves open stands in the report.
+#[test]
+fn what_is_off_by_a_fifth_passes_no_acceptance() {
+    let changed = |times: f64, stretched: f64| {
+        let mut rows = frames("practice/case_01/load_increase.mcap");
+        rows.iter_mut().for_each(|row| row.measured.spool_position_pu *= times);
+        super::defects::time(&mut rows, stretched);
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("one.mcap"), bag_of(&rows).bytes(WriteOptions::new())).unwrap();
+        run("accept", &["--measure-only"], folder.path())
+    };
+    for times in [0.8, 1.2] {
+        let (code, _, told) = changed(times, 1.0);
+        assert!(code == 1 && told.contains("times what the sheet's regulator asks for"), "{times}: {code} {told}");
+    }
+    let (code, said, told) = changed(1.0, 1.3);
+    assert!(code == 3 && said.contains("or a loss of oil flow slows both"), "{code} {said} {told}");
+}
+
+/// Nothing makes a unit faster, no sheet is wrong by a factor of five, and no loss of oil flow slows a whole rejection by two.
 #[test]
 fn one_recording_that_is_far_faster_than_the_unit_is_not_of_it() {
     let changed = |factor: f64| {
@@ -99,7 +167,7 @@ fn one_recording_that_is_far_faster_than_the_unit_is_not_of_it() {
         "{told}"
     );
     let (code, _, told) = run("fit", &[], changed(2.0).path());
-    assert!(code != 1 && told.contains("or a loss of oil flow slows both"), "{code} {told}");
+    assert!(code == 1 && told.contains("its time is stretched by"), "{code} {told}");
 }
 
 /// The greatest faults of the catalogue that move the servomotor elsewhere than its command: they may be the data, and a diagnosis begins all the same.

@@ -106,6 +106,9 @@ fn a_damaged_result_is_named_and_an_entry_that_is_none_is_refused() {
         "{said}"
     );
     assert!(fleet.gather("store").1.contains("short,2023-11,missing"));
+    let alone = fleet.run(&["gather", "store"]);
+    let said = text(&alone.stderr);
+    assert!(alone.status.code() == Some(1) && said.contains("no result can be read"), "{said}");
 
     let refused = |variables: &[(&str, &str)], arguments: &[&str], words: &str, code: i32| {
         let run = fleet.run_with(variables, &[&["run", "plan", "--out", "none"], arguments].concat());

@@ -170,8 +170,36 @@ fn senders(cases: &mut Cases) {
         row.values.iter().enumerate().map(cell).collect::<Vec<_>>().join(",")
     };
     let logged: Vec<String> = rejection().iter().map(values).collect();
-    let asked = Asked("tank_pressure: the file states no unit");
-    cases.add(KIND, "number, value, time and quality of each", format!("{columns}\n{}\n", logged.join("\n")), asked);
+    cases.add(KIND, "number, value, time and quality of each", format!("{columns}\n{}\n", logged.join("\n")), Right);
+    // One value a line, of a signal that has a number beside its name, or nothing else.
+    for (name, header, tag, expected) in [
+        (
+            "name and number",
+            "_NAME,_NUMERICID,_VALUE,_TIMESTAMP,_QUALITY",
+            &|k: usize| format!("{},{k}", NAMES[k]),
+            Right,
+        ),
+        (
+            "number alone",
+            "id,value,time,quality",
+            &|k: usize| (k + 101).to_string(),
+            Asked("opening_command: no column found"),
+        ),
+        (
+            "index alone",
+            "TagIndex,Val,DateAndTime,Status",
+            &|k: usize| k.to_string(),
+            Asked("opening_command: no column found"),
+        ),
+    ] as [(&str, &str, &dyn Fn(usize) -> String, Expected); 3]
+    {
+        let line = |row: &Truth| {
+            let of = |k: usize| format!("{},{},{},192\n", tag(k), row.values[k], iso(row));
+            (0..row.values.len()).map(of).collect::<String>()
+        };
+        let lines: String = rejection().iter().map(line).collect();
+        cases.add(KIND, format!("lines of {name}"), format!("{header}\n{lines}"), expected);
+    }
     cases.add(KIND, "series of a database", influx(&[("U3", rejection()), ("U5", &other)], true), Right);
 }
 
@@ -287,6 +315,8 @@ fn numbers(cases: &mut Cases) {
         timed(&header, |value, _| format!("\"=\"\"{value}\"\"\""), ","),
         Right,
     );
+    cases.add(KIND, "exponents of Fortran", timed(&header, |value, _| format!("{:.8}D+02", value / 100.0), ","), Right);
+    cases.add(KIND, "lines that end with a return", timed(&header, plain, ",").replace('\n', "\r"), Right);
     cases.add(
         KIND,
         "marks behind numbers",

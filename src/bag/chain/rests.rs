@@ -1,5 +1,8 @@
 //! Where the servomotor rests, and where its command is then.
 
+use govtwin_model::frame::{EsvState, Frame};
+use govtwin_model::signal::Signal;
+
 use super::impossible::{Impossible, Meant};
 use super::stay::Stay;
 use super::{ASKS_PU, MOVED_PU, OPEN_PU, STILL_PU, is_inside, is_pressed};
@@ -31,9 +34,9 @@ pub(super) fn may_be_gain(ratio: f64) -> bool {
     (GAINS.start() * (1.0 - ALIKE)..=GAINS.end() * (1.0 + ALIKE)).contains(&ratio)
 }
 
-/// Where a servomotor is, off its stops, against its command.
+/// Where a servomotor is, off its stops and not tripped, against its command.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Followed {
+pub struct Followed {
     count: f64,
     commands: [f64; 2],
     positions: [f64; 2],
@@ -41,21 +44,35 @@ pub(super) struct Followed {
 }
 
 impl Followed {
-    pub(super) fn take(&mut self, command: f64, position: f64) {
+    /// Takes a row.
+    pub fn take(&mut self, frame: &Frame) {
+        let (command, position) = (frame.inputs.opening_command_pu, Signal::ServomotorPosition.of(&frame.measured));
+        if frame.inputs.esv != EsvState::Normal || !is_inside(position) || !command.is_finite() {
+            return;
+        }
         self.count += 1.0;
         self.commands = [self.commands[0] + command, self.commands[1] + command * command];
         self.positions = [self.positions[0] + position, self.positions[1] + position * position];
         self.products += command * position;
     }
 
-    /// How many times its command the servomotor goes, where such a multiple, and no offset, tells where it is.
+    fn variance(&self) -> f64 {
+        self.positions[1] - self.positions[0].powi(2) / self.count
+    }
+
+    /// How many times its command the servomotor goes, where such a multiple tells where it is.
+    pub fn multiple(&self) -> Option<f64> {
+        let multiple = self.products / self.commands[1];
+        (self.positions[1] - multiple * self.products < LEFT * self.variance()).then_some(multiple)
+    }
+
+    /// The same where no offset tells it better, and a governor can have that gain.
     pub(super) fn gain(&self) -> Option<f64> {
-        let gain = self.products / self.commands[1];
-        let variance = self.positions[1] - self.positions[0].powi(2) / self.count;
-        let left = self.positions[1] - gain * self.products;
+        let gain = self.multiple()?;
         let errors = self.positions[1] - 2.0 * self.products + self.commands[1];
         let left_by_offset = errors - (self.positions[0] - self.commands[0]).powi(2) / self.count;
-        let tells = left < LEFT * variance && left < left_by_offset && variance > self.count * MOVED_PU.powi(2);
+        let tells = self.positions[1] - gain * self.products < left_by_offset
+            && self.variance() > self.count * MOVED_PU.powi(2);
         (tells && may_be_gain(gain) && (gain - 1.0).abs() > 0.5 * ALIKE).then_some(gain)
     }
 }

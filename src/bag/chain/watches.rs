@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use super::LASTS;
 use super::impossible::Impossible;
 use super::stay::Stay;
+use crate::correlation::Correlation;
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
@@ -63,13 +64,8 @@ impl HeldWatch {
 /// Sums for the correlation of the spool with the speed of the servomotor.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Relation {
-    pub(super) n: f64,
+    pub(super) sums: Correlation,
     last: Option<(f64, f64)>,
-    x: f64,
-    y: f64,
-    xx: f64,
-    yy: f64,
-    xy: f64,
     /// Half the squares of the speed's steps.
     steps: f64,
 }
@@ -81,23 +77,12 @@ impl Relation {
             return;
         };
         self.steps += 0.5 * (y - before).powi(2);
-        self.n += 1.0;
-        let (dx, dy) = (x - self.x, y - self.y);
-        self.x += dx / self.n;
-        self.y += dy / self.n;
-        self.xx += dx * (x - self.x);
-        self.yy += dy * (y - self.y);
-        self.xy += dx * (y - self.y);
+        self.sums.take(x, y);
     }
 
     /// Whether the speed is more than the noise of the position.
     pub(super) fn speed_lasts(&self) -> bool {
-        self.steps < LASTS * self.yy
-    }
-
-    pub(super) fn correlation(&self) -> f64 {
-        let scale = (self.xx * self.yy).sqrt();
-        if scale > 0.0 { self.xy / scale } else { 0.0 }
+        self.steps < LASTS * self.sums.yy
     }
 }
 
@@ -132,7 +117,8 @@ impl ShiftWatch {
         let late = (1..).zip(&self.late);
         let ahead = (1..).map(|steps: isize| -steps).zip(&self.ahead);
         let all = late.chain(ahead);
-        let told = all.filter(|(_, relation)| relation.n >= fewest).map(|(by, relation)| (by, relation.correlation()));
+        let told =
+            all.filter(|(_, relation)| relation.sums.pairs >= fewest).map(|(by, relation)| (by, relation.sums.value()));
         let best = told.max_by(|a, b| a.1.total_cmp(&b.1))?;
         (best.1 > own.max(0.0) && 1.0 - best.1.powi(2) < LEAVES * (1.0 - own.max(0.0).powi(2))).then_some(best)
     }

@@ -1,6 +1,7 @@
 //! From what a file holds to SI units: scale, offset, range, unit and sign, in this order.
 
 use super::row::Target;
+use super::words::Words;
 use UnitOf::{Absolute, Gauge, Share, Travel};
 
 /// Pressure of the standard atmosphere, Pa (ISO 2533), by which absolute pressures exceed gauge pressures.
@@ -95,75 +96,53 @@ enum UnitOf {
     Travel,
 }
 
-/// Units in the plain form, and as people write them where names of columns end with them.
-const UNITS: [(&str, UnitOf, &str); 51] = [
-    ("pa", Gauge(1.0), "Pa"),
-    ("hpa", Gauge(1e2), ""),
-    ("mbar", Gauge(1e2), ""),
-    ("kpa", Gauge(1e3), "kPa"),
-    ("bar", Gauge(1e5), "bar"),
-    ("barg", Gauge(1e5), "barg"),
-    ("mpa", Gauge(1e6), "MPa"),
-    ("psi", Gauge(6_894.757_293_168), "psi"),
-    ("psig", Gauge(6_894.757_293_168), ""),
-    ("kgf/cm2", Gauge(98_066.5), ""),
-    ("kg/cm2", Gauge(98_066.5), ""),
-    ("kp/cm2", Gauge(98_066.5), ""),
-    ("ksc", Gauge(98_066.5), ""),
-    ("at", Gauge(98_066.5), ""),
-    ("atm", Gauge(ATMOSPHERE_PA), ""),
-    ("bars", Gauge(1e5), ""),
-    ("n/mm2", Gauge(1e6), ""),
-    ("kn/m2", Gauge(1e3), ""),
-    ("mmhg", Gauge(133.322_387_415), ""),
-    ("torr", Gauge(133.322_387_415), ""),
-    ("mh2o", Gauge(9_806.65), ""),
-    ("mws", Gauge(9_806.65), ""),
-    ("mce", Gauge(9_806.65), ""),
-    ("ata", Absolute(98_066.5), ""),
-    ("bara", Absolute(1e5), "bara"),
-    ("psia", Absolute(6_894.757_293_168), ""),
-    ("pu", Share(1.0), "pu"),
-    ("p.u.", Share(1.0), ""),
-    ("1", Share(1.0), ""),
-    ("-", Share(1.0), ""),
-    ("%", Share(100.0), ""),
-    ("percent", Share(100.0), "%"),
-    ("pct", Share(100.0), "%"),
-    ("prozent", Share(100.0), "%"),
-    ("‰", Share(1000.0), ""),
-    ("permille", Share(1000.0), ""),
-    ("m", Travel, ""),
-    ("mm", Travel, "mm"),
-    ("cm", Travel, "cm"),
-    ("um", Travel, ""),
-    ("µm", Travel, ""),
-    ("in", Travel, ""),
-    ("deg", Travel, ""),
-    ("°", Travel, ""),
-    ("rad", Travel, ""),
-    ("v", Travel, ""),
-    ("mv", Travel, ""),
-    ("ma", Travel, "mA"),
-    ("a", Travel, ""),
-    ("counts", Travel, ""),
-    ("digits", Travel, ""),
+/// Units in the plain form, and behind a blank as people write them where names of columns end with them.
+const UNITS: [(UnitOf, Words); 17] = [
+    (Gauge(1.0), Words("pa Pa")),
+    (Gauge(1e2), Words("hpa|mbar")),
+    (Gauge(1e3), Words("kpa kPa|kn/m2")),
+    (Gauge(1e5), Words("bar bar|barg barg|bars")),
+    (Gauge(1e6), Words("mpa MPa|n/mm2")),
+    (Gauge(6_894.757_293_168), Words("psi psi|psig")),
+    (Gauge(98_066.5), Words("kgf/cm2|kg/cm2|kp/cm2|ksc|at")),
+    (Gauge(ATMOSPHERE_PA), Words("atm")),
+    (Gauge(133.322_387_415), Words("mmhg|torr")),
+    (Gauge(9_806.65), Words("mh2o|mws|mce")),
+    (Absolute(98_066.5), Words("ata")),
+    (Absolute(1e5), Words("bara bara")),
+    (Absolute(6_894.757_293_168), Words("psia")),
+    (Share(1.0), Words("pu pu|p.u.|1|-")),
+    (Share(100.0), Words("%|percent %|pct %|prozent %")),
+    (Share(1000.0), Words("‰|permille")),
+    (Travel, Words("m|mm mm|cm cm|um|µm|in|deg|°|rad|v|mv|ma mA|a|counts|digits")),
 ];
+
+/// Each unit in its plain form, with what it measures and as people write it.
+fn units() -> impl Iterator<Item = (&'static str, UnitOf, &'static str)> {
+    let each = |(of, words): &(UnitOf, Words)| {
+        let of = *of;
+        words.all().map(move |one| {
+            let (plain, written) = one.split_once(' ').unwrap_or((one, ""));
+            (plain, of, written)
+        })
+    };
+    UNITS.iter().flat_map(each)
+}
 
 /// A unit of the table by its plain form.
 fn known(name: &str) -> Option<UnitOf> {
-    UNITS.iter().find(|(plain, ..)| *plain == name).map(|(_, measures, _)| *measures)
+    units().find(|(plain, ..)| *plain == name).map(|(_, measures, _)| measures)
 }
 
 /// The unit that a word at the end of a name states, as people write it; empty where it states none.
 pub fn at_end_of_name(word: &str) -> &'static str {
-    UNITS.iter().find(|(plain, ..)| *plain == word).map_or("", |(.., written)| written)
+    units().find(|(plain, ..)| *plain == word).map_or("", |(.., written)| written)
 }
 
 /// The unit with a capital inside, as `kPa` and `mA` have one, that stands behind everything else of a name; empty where none does.
 pub fn with_capital_at_end_of(name: &str) -> &'static str {
     let inside = |written: &&str| written.starts_with(char::is_lowercase) && written.contains(char::is_uppercase);
-    let mut all = UNITS.iter().map(|(.., written)| *written).filter(inside);
+    let mut all = units().map(|(.., written)| written).filter(inside);
     all.find(|written| name.len() > written.len() && name.ends_with(written)).unwrap_or_default()
 }
 
@@ -217,8 +196,7 @@ pub fn is_unit(text: &str) -> bool {
     pressure(text).is_some()
         || share(text).is_some_and(|_| name != "1")
         || is_travel(text)
-        || ["s", "ms", "us", "µs", "ns", "min", "h", "hz", "rpm", "kw", "mw", "bool", "m3/s", "°c", "l/min"]
-            .contains(&name.as_str())
+        || Words("s|ms|us|µs|ns|min|h|hz|rpm|kw|mw|bool|m3/s|°c|l/min").has(&name)
 }
 
 /// The units of a signal, for messages.

@@ -157,7 +157,7 @@ pub(super) fn with_unit<'a>(text: &'a str, numbers: &Numbers) -> Option<(&'a str
             && rest.starts_with(|letter: char| letter.is_ascii_digit())
     };
     let begins = |(at, letter): &(usize, char)| {
-        let exponent = matches!(letter, 'e' | 'E') && is_exponent(*at);
+        let exponent = matches!(letter, 'e' | 'E' | 'd' | 'D') && is_exponent(*at);
         (letter.is_alphabetic() && !exponent) || "%‰°[".contains(*letter)
     };
     let (at, _) = text.char_indices().find(begins)?;

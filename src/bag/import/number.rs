@@ -2,30 +2,14 @@
 
 use std::borrow::Cow;
 
-/// Texts that stand for no value everywhere, in lower case; `#NV` is Excel's German `#N/A`.
-const MISSING: [&str; 20] = [
-    "",
-    "nan",
-    "na",
-    "n/a",
-    "null",
-    "none",
-    "-",
-    "--",
-    "---",
-    "#n/a",
-    "#nv",
-    "#value!",
-    "#wert!",
-    "bad",
-    "no data",
-    "nodata",
-    "missing",
-    "undefined",
-    "nul",
-    "<null>",
-];
+use super::words::Words;
 
+/// Texts that stand for no value everywhere, in lower case; `#NV` is Excel's German `#N/A`.
+const MISSING: Words =
+    Words("nan|na|n/a|null|none|-|--|---|#n/a|#nv|#value!|#wert!|bad|no data|nodata|missing|undefined|nul|<null>");
+
+/// Signs before the exponent of a number of double precision, `1.5D-03`.
+const FORTRAN: [char; 2] = ['D', 'd'];
 /// More digits than any time has.
 const MOST_DIGITS: usize = 24;
 
@@ -53,7 +37,7 @@ impl Numbers {
     pub(super) fn is_missing(&self, text: &str) -> bool {
         let short = text.len() <= 10;
         text.is_empty()
-            || (short && MISSING.contains(&text.to_ascii_lowercase().as_str()))
+            || (short && MISSING.has(&text.to_ascii_lowercase()))
             || self.missing.iter().any(|missing| missing == text)
     }
 
@@ -78,7 +62,7 @@ impl Numbers {
     /// The text with a decimal point, a plain minus sign before it, and without groups.
     pub(super) fn plain<'a>(&self, text: &'a str) -> Cow<'a, str> {
         let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"+-.,:".contains(&byte);
-        let simple = text.bytes().all(is_plain) && !text.ends_with('-');
+        let simple = text.bytes().all(is_plain) && !text.ends_with('-') && !text.contains(FORTRAN);
         if simple && self.decimal == '.' && self.thousands.is_none() {
             return Cow::Borrowed(text);
         }
@@ -98,7 +82,7 @@ impl Numbers {
     }
 
     /// Signs and groups of digits as they can mean one thing alone: minus signs of typography, a minus behind the number or brackets round it,
-    /// the apostrophe that spreadsheets put before text, and blanks or apostrophes between groups of three digits.
+    /// the apostrophe that spreadsheets put before text, exponents behind a `D`, and blanks or apostrophes between groups of three digits.
     fn respelled(&self, text: &str) -> String {
         let text = text.trim();
         // A formula of a spreadsheet that is one text: `="70.8"`.
@@ -119,7 +103,12 @@ impl Numbers {
             if (is_blank(*letter) || is_apostrophe(*letter)) && between && *letter != self.decimal {
                 continue;
             }
-            plain.push(if is_minus(*letter) { '-' } else { *letter });
+            let is_exponent = FORTRAN.contains(letter) && k > 0 && matches!(letters[k - 1], '0'..='9' | '.' | ',');
+            plain.push(match letter {
+                _ if is_exponent => 'e',
+                _ if is_minus(*letter) => '-',
+                _ => *letter,
+            });
         }
         // A sign may stand apart from its number.
         match plain.strip_prefix('-').map(str::trim_start) {
@@ -247,13 +236,30 @@ mod tests {
             ('.', None, "6\u{2019}323.0", 6323.0),
             ('.', None, "6'323", 6323.0),
             ('.', None, "1e-3", 1e-3),
+            ('.', None, "-0.15D-02", -1.5e-3),
+            ('.', None, "1.d+3", 1000.0),
+            (',', None, "1,5D02", 150.0),
         ] {
             assert_eq!(numbers(decimal, thousands).cell(text), NumberCell::Number(value), "{text}");
         }
         for text in ["", "NaN", "#N/A", "Bad", "Bad Input", "-", " null "] {
             assert_eq!(numbers('.', None).cell(text), NumberCell::Missing, "{text}");
         }
-        for text in ["1,5", "abc", "1.2.3", "inf", "0x10", "12:30", "1 23", "1'2", "2024-05-02", "5-6", "1 234 56"] {
+        for text in [
+            "1,5",
+            "abc",
+            "1.2.3",
+            "inf",
+            "0x10",
+            "12:30",
+            "1 23",
+            "1'2",
+            "1D",
+            "0xD3",
+            "2024-05-02",
+            "5-6",
+            "1 234 56",
+        ] {
             assert_eq!(numbers('.', None).cell(text), NumberCell::Other, "{text}");
         }
         assert_eq!(numbers(',', None).cell("1.5"), NumberCell::Other, "a point beside a decimal comma");

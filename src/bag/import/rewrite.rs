@@ -24,6 +24,10 @@ pub(super) fn plain_table(text: impl Read + 'static) -> io::Result<Box<dyn Read>
     let mut text = BufReader::with_capacity(1 << 16, text);
     let mut first = vec![];
     text.by_ref().take(LONGEST_LINE_BYTES).read_until(b'\n', &mut first)?;
+    if !first.ends_with(b"\n") && first.contains(&b'\r') {
+        let feeds: Box<dyn Read> = Box::new(EndedByReturns(Cursor::new(first).chain(text)));
+        return plain_table(feeds);
+    }
     let head = String::from_utf8_lossy(&first);
     let rewriter: Box<dyn Rewriter> = if head.trim_end().trim_end_matches(['\t', ',', ';']) == "LabVIEW Measurement" {
         Box::<labview::LabView>::default()
@@ -34,6 +38,17 @@ pub(super) fn plain_table(text: impl Read + 'static) -> io::Result<Box<dyn Read>
     };
     let lines = Cursor::new(first).chain(text);
     Ok(Box::new(Rewritten { lines: BufReader::new(lines), rewriter, line: vec![], ready: Cursor::default() }))
+}
+
+/// Lines that end with a carriage return alone, with a line feed in its place.
+struct EndedByReturns<R>(R);
+
+impl<R: Read> Read for EndedByReturns<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.0.read(buffer)?;
+        buffer.iter_mut().take(count).filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+        Ok(count)
+    }
 }
 
 /// Rewritten lines as a text.
@@ -81,6 +96,7 @@ mod tests {
         for text in ["", "t,y\n0,1\n", "LabVIEW;Measurement\n1;2\n", "no end of line"] {
             assert_eq!(plain(text).unwrap(), text);
         }
+        assert_eq!(plain("t,y\r0,1\r").unwrap(), "t,y\n0,1\n");
     }
 
     #[test]

@@ -42,8 +42,9 @@ impl Doubt {
 /// What a sheet says against a recording that is looked at alone: warnings, and notes.
 pub fn doubts(recording: &Recording, unit: &Unit) -> [Vec<String>; 2] {
     let mut all: Vec<Doubt> = doubt_of_spool(recording, unit).into_iter().collect();
-    all.extend(PositionScale::of(recording, unit).map(|scale| scale.doubt()));
     all.extend(TimeScale::of(recording, unit).and_then(|scale| scale.doubt()));
     let (notes, warnings): (Vec<_>, Vec<_>) = all.into_iter().partition(Doubt::is_note);
-    [warnings, notes].map(|all| all.into_iter().map(|one| one.words).collect())
+    let [mut warnings, notes] = [warnings, notes].map(|all| all.into_iter().map(|one| one.words).collect::<Vec<_>>());
+    warnings.extend(PositionScale::of(recording, unit).map(|scale| scale.words()));
+    [warnings, notes]
 }

@@ -3,36 +3,22 @@
 //! A governor that takes its command so many times moves the servomotor as fast as the sheet says; one whose position is recorded on another scale moves
 //! it so many times as fast. The sheet's twin tells which. A command that was scaled in the recording looks like the former, and nothing tells the two.
 
+use govtwin_bag::Followed;
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
 use govtwin_model::replay::{Scores, simulate};
 use govtwin_model::signal::Signal;
 use govtwin_model::twin::Twin;
 
-use super::doubt::Doubt;
 use super::time_scale::{DOUBTFUL, beginning};
 
 /// A smaller multiple is one of tolerances and of what holds a servomotor off its command.
 const LEAST: f64 = 1.1;
-/// Of the position's variance so much is left by a multiple of the command, at most.
-const LEFT: f64 = 0.3;
-/// Off its stops, pu.
-const INSIDE: std::ops::RangeInclusive<f64> = 0.02..=0.98;
-
 /// How many times its command the servomotor goes; none where it does not, or goes by it.
 fn multiple(recording: &Recording) -> Option<f64> {
-    let pairs = recording.frames.iter().filter_map(|frame| {
-        let position = Signal::ServomotorPosition.of(&frame.measured);
-        (INSIDE.contains(&position)).then_some((frame.inputs.opening_command_pu, position))
-    });
-    let [count, sum, squares, commands, products] =
-        pairs.fold([0.0; 5], |[count, sum, squares, commands, products], (command, position)| {
-            let squares = squares + position * position;
-            [count + 1.0, sum + position, squares, commands + command * command, products + command * position]
-        });
-    let ratio = products / commands;
-    let left = squares - ratio * products;
-    (ratio.max(1.0 / ratio) > LEAST && left < LEFT * (squares - sum * sum / count)).then_some(ratio)
+    let mut followed = Followed::default();
+    recording.frames.iter().for_each(|frame| followed.take(frame));
+    followed.multiple().filter(|multiple| multiple.max(1.0 / multiple) > LEAST)
 }
 
 /// A servomotor position that reads so many times what it is.
@@ -74,15 +60,15 @@ impl PositionScale {
         (left_scaled < left_gained.min(left(1.0, 1.0).0)).then_some(Self { scaled_pu, gained_pu, ..self })
     }
 
-    /// What is to be said of it.
-    pub fn doubt(&self) -> Doubt {
-        Doubt::refused(format!(
+    /// What is to be said of it; nothing is concluded from the recording.
+    pub fn words(&self) -> String {
+        format!(
             "{} goes {:.2} times its command and as many times as fast as the sheet's servomotor with its spool (error of {:.2} % where the position is divided \
              by that, of {:.2} % where the command is multiplied): its channel is scaled (a unit or `range` of an import?), or it is another unit's (--params)",
             Signal::ServomotorPosition.id(),
             self.ratio,
             self.scaled_pu * 100.0,
             self.gained_pu * 100.0
-        ))
+        )
     }
 }

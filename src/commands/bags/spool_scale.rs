@@ -5,7 +5,7 @@
 //! transducer of another gain does as long as the spool is off its stops. Only what is recorded on another scale shows in both, by factors that cancel.
 
 use govtwin_model::metrics::Figures;
-use govtwin_model::parameters::Unit;
+use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
 use govtwin_model::recording::Recording;
 use govtwin_model::replay::{Scores, simulate};
 use govtwin_model::signal::{Signal, span};
@@ -14,8 +14,11 @@ use govtwin_model::twin::{Cut, Twin};
 use super::doubt::Doubt;
 use super::time_scale::{DOUBTFUL, MOVED_PU, beginning};
 
-/// A smaller factor may be one of tolerances and faults: that of the two scales from 1 to 2 which is as far from both.
+/// A smaller factor may be one of tolerances and faults, unless the sheet states its ports more precisely: that of the two scales from 1 to 2 which is
+/// as far from both.
 const LEAST: f64 = std::f64::consts::SQRT_2;
+/// Ports are off their sheet by so many of its standard deviations at most.
+const SIGMAS: f64 = 4.0;
 /// From this factor on it is worth a note: gains and ports are known to a tenth.
 const NOTED: f64 = 1.15;
 /// A spool that is asked to stand nearer to neutral, pu, is off its stops, also where its transducer reads half or twice.
@@ -45,7 +48,7 @@ pub fn doubt_of_spool(recording: &Recording, unit: &Unit) -> Option<Doubt> {
     if (scaled.rmse / own.rmse).powi(2) > DOUBTFUL || scaled.r2 < 1.0 - DOUBTFUL {
         return None;
     }
-    let is_far = factor.max(1.0 / factor) >= LEAST;
+    let is_far = factor.max(1.0 / factor) >= LEAST.min(within_tolerance(unit));
     let words = format!(
         "{} reads {factor:.2} times what the sheet's regulator asks for, and divided by that it moves the sheet's servomotor as recorded (error from {:.2} % to \
          {:.2} %): {}its channel is scaled (a unit or `range` of an import?), or the stroke of the sheet's spool is another unit's (--params){}",
@@ -60,6 +63,16 @@ pub fn doubt_of_spool(recording: &Recording, unit: &Unit) -> Option<Doubt> {
         },
     );
     Some(if is_far { Doubt::refused(words) } else { Doubt::note(words) })
+}
+
+/// The factor that is as far off as the ports of the sheet can be.
+fn within_tolerance(unit: &Unit) -> f64 {
+    let ports = ENTRIES.iter().position(|entry| entry.key == "main_ports.width_m");
+    let tolerance = ports.and_then(|ports| *unit.tolerances.get(ports)?);
+    match tolerance {
+        Some(Tolerance::Relative(share) | Tolerance::LogNormal(share)) => (SIGMAS * share).exp(),
+        _ => f64::INFINITY,
+    }
 }
 
 /// Figures of the servomotor that the recorded spool drives, divided by a factor.

@@ -3,7 +3,9 @@
 //! No fault slows spool and servomotor alike, by the same factor in whatever they do; a clock in another unit, or an export by a wrong rate, does. A
 //! recording of another unit may look so too. A loss of oil flow looks so in one recording, by another factor in each: only where several agree
 //! is nothing concluded from them. None makes a unit faster, and no sheet is wrong by so much as some machines are: one recording of those tells enough.
+//! So does one that no effect explains half as well: a gain of the spool's transducer slows no trip, and a loss of a line no small movement.
 
+use govtwin_model::effects::find;
 use govtwin_model::frame::Frame;
 use govtwin_model::metrics::Figures;
 use govtwin_model::parameters::Unit;
@@ -46,6 +48,8 @@ pub struct TimeScale {
     errors_pu: [Option<[f64; 2]>; 2],
     /// What remains of the squared error.
     remains: f64,
+    /// And with the sheet's own time under the effect that explains most; looked for where time may be another.
+    by_effect: f64,
 }
 
 /// A scale that was tried, by its power of [`STEP`].
@@ -54,6 +58,41 @@ struct Tried {
     /// What remains of the squared error at the recording's own scale.
     remains: f64,
     figures: [Option<Figures>; 2],
+}
+
+/// Effects that may look like another time, with the value of their parameter at so many steps.
+const EFFECTS: [(&str, fn(f64) -> f64); 3] = [
+    ("lvdt_gain", |steps| STEP.powf(steps)),
+    ("supply_loss", |steps| LINE_LOSS * steps),
+    ("return_loss", |steps| LINE_LOSS * steps),
+];
+/// The greatest loss of a line in the catalogue, Pa s2/m6, as a step of those that are tried.
+const LINE_LOSS: f64 = 5e10 / MOST_STEPS;
+/// Another time is the reason where it leaves so much of the squared error that any effect leaves, at most.
+const CLEAR: f64 = 0.5;
+
+/// Where least remains along a line of steps, from 0 on in the direction in which it falls.
+fn least(own: [Option<Figures>; 2], tried: &impl Fn(f64) -> Tried) -> Tried {
+    let mut best = Tried { steps: 0.0, remains: 1.0, figures: own };
+    let [up, down] = [1.0, -1.0].map(tried);
+    let mut next = if up.remains < down.remains { up } else { down };
+    let direction = next.steps;
+    while next.remains <= best.remains && best.steps.abs() < MOST_STEPS {
+        best = next;
+        next = tried(best.steps + direction);
+    }
+    let mut near = 0.5;
+    for _ in 0..if best.remains < HOPELESS { HALVINGS } else { 0 } {
+        for steps in [best.steps - near, best.steps + near] {
+            let found = tried(steps);
+            if found.remains < best.remains {
+                best = found;
+                break;
+            }
+        }
+        near *= 0.5;
+    }
+    best
 }
 
 impl TimeScale {
@@ -75,43 +114,48 @@ impl TimeScale {
         }
         let twin = Twin::new(unit);
         let own = figures(&twin, frames, 1.0);
-        let tried = |steps: f64| {
-            let found = figures(&twin, frames, STEP.powf(steps));
+        let at = |found: [Option<Figures>; 2], steps: f64| {
             let both = own.iter().zip(&found);
             let ratios = both.filter_map(|(own, found)| Some((found.as_ref()?.rmse / own.as_ref()?.rmse).powi(2)));
             let (sum, count) = ratios.fold((0.0, 0.0), |(sum, count), ratio| (sum + ratio, count + 1.0));
             let remains = if sum.is_finite() && count > 0.0 { sum / count } else { f64::INFINITY };
             Tried { steps, remains, figures: found }
         };
-        let mut best = Tried { steps: 0.0, remains: 1.0, figures: own };
-        let [up, down] = [1.0, -1.0].map(tried);
-        let mut next = if up.remains < down.remains { up } else { down };
-        let direction = next.steps;
-        while next.remains <= best.remains && best.steps.abs() < MOST_STEPS {
-            best = next;
-            next = tried(best.steps + direction);
-        }
-        let mut near = 0.5;
-        for _ in 0..if best.remains < HOPELESS { HALVINGS } else { 0 } {
-            for steps in [best.steps - near, best.steps + near] {
-                let found = tried(steps);
-                if found.remains < best.remains {
-                    best = found;
-                    break;
-                }
-            }
-            near *= 0.5;
-        }
+        let best = least(own.clone(), &|steps| at(figures(&twin, frames, STEP.powf(steps)), steps));
         let Tried { steps, remains, figures: found } = best;
         let factor = STEP.powf(steps);
         let follows = found.iter().flatten().all(|figures| figures.r2 >= 1.0 - DOUBTFUL);
         let pair = |k: usize| Some([own[k].as_ref()?.rmse, found[k].as_ref()?.rmse]);
-        follows.then(|| Self { factor, errors_pu: [pair(0), pair(1)], remains })
+        let scale = follows.then(|| Self { factor, errors_pu: [pair(0), pair(1)], remains, by_effect: 0.0 })?;
+        if !scale.is_other() && !scale.is_near() {
+            return Some(scale);
+        }
+        let by_effect = EFFECTS.map(|(id, value)| {
+            let tried = |steps: f64| {
+                let parameter = find(id).and_then(|spec| spec.parameters.first());
+                let changed = parameter.map(|one| unit.clone().with_effect(id, &[(one.name, value(steps))]));
+                let found = changed.and_then(Result::ok).map(|unit| figures(&Twin::new(&unit), frames, 1.0));
+                at(found.unwrap_or_default(), steps)
+            };
+            least(own.clone(), &tried).remains
+        });
+        Some(Self { by_effect: by_effect.into_iter().fold(f64::INFINITY, f64::min), ..scale })
     }
 
     /// Whether the twin follows the recording at another scale, and not at the recording's own.
     pub fn is_other(&self) -> bool {
         self.factor.max(1.0 / self.factor) > LEAST && self.remains < DOUBTFUL
+    }
+
+    /// Whether nothing else explains the recording: spool and servomotor are slow also where no effect makes them so, as at their stops.
+    pub fn is_clear(&self) -> bool {
+        (self.is_other() || self.is_near()) && self.remains < CLEAR * self.by_effect
+    }
+
+    /// Whether it is that of another recording, give or take what is left open.
+    pub fn is_alike(&self, other: &Self) -> bool {
+        let ratio = self.factor / other.factor;
+        (self.is_other() || self.is_near()) && ratio.max(1.0 / ratio) <= ALIKE
     }
 
     /// Whether it follows at a scale so near that of the recording that tolerances and a loss of oil flow may be all there is.
@@ -121,6 +165,9 @@ impl TimeScale {
 
     /// What is to be said of one recording alone.
     pub fn doubt(&self) -> Option<Doubt> {
+        if self.is_clear() {
+            return Some(Doubt::warned(self.words(false)));
+        }
         if self.is_near() {
             return Some(Doubt::note(self.words(true)));
         }
@@ -192,8 +239,10 @@ mod tests {
     #[test]
     fn recordings_agree_where_all_have_the_same_other_scale() {
         let agree = |told: &[(f64, f64)]| {
-            let scales: Vec<TimeScale> =
-                told.iter().map(|&(factor, remains)| TimeScale { factor, errors_pu: [None; 2], remains }).collect();
+            let scales: Vec<TimeScale> = told
+                .iter()
+                .map(|&(factor, remains)| TimeScale { factor, errors_pu: [None; 2], remains, by_effect: 0.0 })
+                .collect();
             TimeScale::agree(scales.iter())
         };
         assert!(agree(&[(2.0, 0.01), (1.95, 0.2)]) && agree(&[(0.5, 0.01); 3]));

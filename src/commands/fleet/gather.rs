@@ -88,6 +88,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let total = outcomes.len();
     let gathered = gather(plan.as_deref(), outcomes, &notes(&store)?, PROGRAM);
+    if gathered.rows.is_empty() && total == 0 {
+        let why = format!("{}: no result can be read, and no plan says which are missing", store.address());
+        bail!("{}", [vec![why], damaged].concat().join("\n  "));
+    }
     if gathered.rows.is_empty() {
         bail!(
             "{}: none of the {total} results is of {PROGRAM}; plan and run anew, or gather with the version that made them",
@@ -132,6 +136,15 @@ fn agrees(outcome: &Kept, store: &Store) -> anyhow::Result<()> {
         let path = format!("{folder}/{name}");
         if store.has(&path)? { store.get(&path).map(Some) } else { Ok(None) }
     };
+    // What one worker wrote together agrees.
+    let is_own = |(name, stated): (&String, &String)| -> anyhow::Result<bool> {
+        Ok(get(name)?.is_none_or(|bytes| sha256(bytes) == *stated))
+    };
+    if outcome.is_sealed()
+        && outcome.files.iter().map(is_own).try_fold(true, |all, own| Ok::<_, anyhow::Error>(all && own?))?
+    {
+        return Ok(());
+    }
     let Some(bytes) = get(REPORT)? else { return Ok(()) };
     let place = || format!("{folder}/{REPORT}");
     let whole = serde_json::from_slice(&bytes).with_context(place)?;

@@ -87,7 +87,7 @@ fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<Entry
         }
     }
     outcome.work = clock.work();
-    Ok(outcome)
+    Ok(outcome.sealed())
 }
 
 /// Puts the report into the store, and what a fleet is compared by into the outcome.
@@ -97,10 +97,9 @@ fn keep(outcome: &mut EntryResult, diagnosed: &Diagnosed, out: &Path, store: &St
     for name in NAMES {
         let path = out.join(name);
         if is_there(&path)? {
-            store.put(
-                &format!("{folder}/{name}"),
-                &std::fs::read(&path).with_context(|| format!("cannot read {name}"))?,
-            )?;
+            let bytes = std::fs::read(&path).with_context(|| format!("cannot read {name}"))?;
+            store.put(&format!("{folder}/{name}"), &bytes)?;
+            outcome.files.insert(name.to_owned(), sha256(&bytes));
         }
     }
     tell(outcome, &diagnosed.diagnosis, &diagnosed.made);

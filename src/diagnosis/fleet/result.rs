@@ -1,5 +1,8 @@
 //! What is kept of an entry: done or failed, and of a diagnosis what a fleet is compared by.
 
+use std::collections::BTreeMap;
+
+use govtwin_files::digest::sha256;
 use serde::{Deserialize, Serialize};
 
 use super::entry::Entry;
@@ -39,6 +42,12 @@ pub struct EntryResult {
     pub found: Option<FoundCause>,
     /// How the work went; of no weight for the table.
     pub work: Work,
+    /// SHA-256 of the files in that folder, by name.
+    #[serde(default)]
+    pub files: BTreeMap<String, String>,
+    /// SHA-256 of all else in here; empty where it was written by another version.
+    #[serde(default)]
+    pub digest: String,
 }
 
 /// How the work on an entry went.
@@ -248,6 +257,21 @@ impl EntryResult {
         }
     }
 
+    /// The same with its digest.
+    #[must_use]
+    pub fn sealed(self) -> Self {
+        Self { digest: self.own_digest(), ..self }
+    }
+
+    /// Whether it is as it was sealed.
+    pub fn is_sealed(&self) -> bool {
+        self.digest == self.own_digest()
+    }
+
+    fn own_digest(&self) -> String {
+        sha256(Self { digest: String::new(), ..self.clone() }.json())
+    }
+
     /// Reads the result of a key from the store.
     ///
     /// # Errors
@@ -326,6 +350,9 @@ mod tests {
         let entry = Entry { unit: "a".into(), ..Entry::default() }.keyed("p");
         let outcome = EntryResult { error: Some("torn".into()), ..EntryResult::of(&entry, "p") };
         assert_eq!(EntryResult::read(outcome.json().as_bytes(), &entry.key).unwrap(), outcome);
+        let sealed = outcome.clone().sealed();
+        assert!(sealed.is_sealed() && !outcome.is_sealed());
+        assert!(!EntryResult { unit: "b".into(), ..sealed }.is_sealed());
         assert!(matches!(EntryResult::read(outcome.json().as_bytes(), "other"), Err(OutcomeError::Key { .. })));
         assert!(matches!(EntryResult::read(b"{}", "other"), Err(OutcomeError::Malformed(_))));
         assert!(matches!(

@@ -4,45 +4,17 @@ use super::Format;
 use crate::import::convert::plain;
 use crate::import::map::TimeMap;
 use crate::import::number::{NumberCell, Numbers};
+use crate::import::words::Words;
 
 /// Patterns that are tried, the more special first; of the last two only one may fit.
-const PATTERNS: [&str; 35] = [
-    "%Y-%m-%d %H:%M:%S%.f %z",
-    "%Y/%m/%d %H:%M:%S%.f",
-    "%Y.%m.%d %H:%M:%S%.f",
-    "%Y%m%dT%H%M%S%.f",
-    "%Y%m%d %H:%M:%S%.f",
-    "%Y%m%d %H%M%S%.f",
-    "%Y-%m-%d %H:%M",
-    "%d.%m.%Y %H:%M:%S%.f",
-    "%d.%m.%y %H:%M:%S%.f",
-    "%d.%m.%Y %H:%M:%S:%f",
-    "%Y-%m-%d %H:%M:%S:%f",
-    "%d.%m.%Y %H:%M",
-    "%d.%m.%y %H:%M",
-    "%d-%m-%Y %H:%M:%S%.f",
-    "%d-%b-%Y %H:%M:%S%.f",
-    "%d-%b-%y %H:%M:%S%.f",
-    "%d-%b-%y %I.%M.%S%.f %p",
-    "%a, %d %b %Y %H:%M:%S%.f %z",
-    "%d %b %Y %H:%M:%S%.f",
-    "%b %d, %Y %I:%M:%S%.f %p",
-    "%a %b %d %H:%M:%S%.f %Y",
-    "%Y年%m月%d日 %H:%M:%S%.f",
-    "%Y年%m月%d日%H时%M分%S%.f秒",
-    "%Y/%m/%d %p %I:%M:%S%.f",
-    "%Y-%jT%H:%M:%S%.f",
-    "%H:%M:%S%.f",
-    "%M:%S.%f",
-    "%m/%d/%Y %I:%M:%S%.f %p",
-    "%d/%m/%Y %I:%M:%S%.f %p",
-    "%m/%d/%Y %H:%M:%S%.f",
-    "%d/%m/%Y %H:%M:%S%.f",
-    "%m/%d/%Y %H:%M",
-    "%d/%m/%Y %H:%M",
-    "%m/%d/%y %H:%M:%S%.f",
-    "%d/%m/%y %H:%M:%S%.f",
-];
+const PATTERNS: Words = Words(
+    "%Y-%m-%d %H:%M:%S%.f %z|%Y/%m/%d %H:%M:%S%.f|%Y.%m.%d %H:%M:%S%.f|%Y%m%dT%H%M%S%.f|%Y%m%d %H:%M:%S%.f|%Y%m%d %H%M%S%.f|%Y-%m-%d %H:%M|\
+     %d.%m.%Y %H:%M:%S%.f|%d.%m.%y %H:%M:%S%.f|%d.%m.%Y %H:%M:%S:%f|%Y-%m-%d %H:%M:%S:%f|%d.%m.%Y %H:%M|%d.%m.%y %H:%M|%d-%m-%Y %H:%M:%S%.f|\
+     %d-%b-%Y %H:%M:%S%.f|%d-%b-%y %H:%M:%S%.f|%d-%b-%y %I.%M.%S%.f %p|%a, %d %b %Y %H:%M:%S%.f %z|%d %b %Y %H:%M:%S%.f|%b %d, %Y %I:%M:%S%.f %p|\
+     %a %b %d %H:%M:%S%.f %Y|%Y年%m月%d日 %H:%M:%S%.f|%Y年%m月%d日%H时%M分%S%.f秒|%Y/%m/%d %p %I:%M:%S%.f|%Y-%jT%H:%M:%S%.f|%H:%M:%S%.f|%M:%S.%f|\
+     %m/%d/%Y %I:%M:%S%.f %p|%d/%m/%Y %I:%M:%S%.f %p|%m/%d/%Y %H:%M:%S%.f|%d/%m/%Y %H:%M:%S%.f|%m/%d/%Y %H:%M|%d/%m/%Y %H:%M|\
+     %m/%d/%y %H:%M:%S%.f|%d/%m/%y %H:%M:%S%.f",
+);
 
 /// What was found out.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -89,7 +61,7 @@ pub(in crate::import) fn detect(
         return found(Format::Iso);
     }
     let fitting: Vec<&str> =
-        PATTERNS.into_iter().filter(|pattern| fits(&Format::Pattern((*pattern).to_owned())).is_some()).collect();
+        PATTERNS.all().filter(|pattern| fits(&Format::Pattern((*pattern).to_owned())).is_some()).collect();
     match fitting[..] {
         [first, other, ..] if first.starts_with("%m/%d") => Err(format!(
             "`{example}` may be month/day or day/month; say which with `time: {{format: \"{first}\"}}` or `{{format: \"{other}\"}}` in \
@@ -105,7 +77,7 @@ pub(in crate::import) fn detect(
 
 /// Whether nearly all texts are dates or times of day in one of the known ways, or look like some.
 pub(in crate::import) fn are_times(texts: &[String], numbers: &Numbers) -> bool {
-    let formats = [Format::Iso].into_iter().chain(PATTERNS.map(|pattern| Format::Pattern(pattern.to_owned())));
+    let formats = [Format::Iso].into_iter().chain(PATTERNS.all().map(|pattern| Format::Pattern(pattern.to_owned())));
     let most = |count: usize| count * 10 >= texts.len() * 9 && count > 0;
     let looks = |text: &&String| {
         let text = text.trim();

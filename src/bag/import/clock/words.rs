@@ -2,49 +2,34 @@
 
 use jiff::tz::Offset;
 
+use crate::import::words::Words;
+
 /// Beginnings of the names of months, in the order of the year: English, German, French, Italian, Spanish and Portuguese, Scandinavian, Dutch.
-const MONTHS: [(&str, &[&str]); 12] = [
-    ("Jan", &["jan", "jän", "gen", "ene"]),
-    ("Feb", &["feb", "fév", "fev"]),
-    ("Mar", &["mar", "mär", "mrz", "maa", "mrt"]),
-    ("Apr", &["apr", "avr", "abr"]),
-    ("May", &["may", "mai", "maj", "mei", "mag"]),
-    ("Jun", &["jun", "juin", "giu"]),
-    ("Jul", &["jul", "juil", "lug"]),
-    ("Aug", &["aug", "aoû", "aou", "ago"]),
-    ("Sep", &["sep", "set"]),
-    ("Oct", &["oct", "okt", "ott", "out"]),
-    ("Nov", &["nov"]),
-    ("Dec", &["dec", "dez", "déc", "dic", "des"]),
+const MONTHS: [(&str, Words); 12] = [
+    ("Jan", Words("jan|jän|gen|ene")),
+    ("Feb", Words("feb|fév|fev")),
+    ("Mar", Words("mar|mär|mrz|maa|mrt")),
+    ("Apr", Words("apr|avr|abr")),
+    ("May", Words("may|mai|maj|mei|mag")),
+    ("Jun", Words("jun|juin|giu")),
+    ("Jul", Words("jul|juil|lug")),
+    ("Aug", Words("aug|aoû|aou|ago")),
+    ("Sep", Words("sep|set")),
+    ("Oct", Words("oct|okt|ott|out")),
+    ("Nov", Words("nov")),
+    ("Dec", Words("dec|dez|déc|dic|des")),
 ];
 /// Halves of the day as people write them besides `AM` and `PM`.
-const HALVES: [(&str, &str); 8] = [
-    ("a. m.", "AM"),
-    ("p. m.", "PM"),
-    ("a.m.", "AM"),
-    ("p.m.", "PM"),
-    ("a.\u{a0}m.", "AM"),
-    ("p.\u{a0}m.", "PM"),
-    ("上午", "AM"),
-    ("下午", "PM"),
-];
+const HALVES: [(&str, Words); 2] =
+    [("AM", Words("a. m.|a.m.|a.\u{a0}m.|上午")), ("PM", Words("p. m.|p.m.|p.\u{a0}m.|下午"))];
 /// Abbreviations of zones that mean one offset alone, h.
-const ZONES: [(&str, i8); 10] = [
-    ("UTC", 0),
-    ("GMT", 0),
-    ("WET", 0),
-    ("WEST", 1),
-    ("CET", 1),
-    ("MEZ", 1),
-    ("CEST", 2),
-    ("MESZ", 2),
-    ("EET", 2),
-    ("EEST", 3),
-];
+const ZONES: [(i8, Words); 4] =
+    [(0, Words("UTC|GMT|WET")), (1, Words("WEST|CET|MEZ")), (2, Words("CEST|MESZ|EET")), (3, Words("EEST"))];
 
 /// The same with the names of months and halves of the day in English, short.
 pub(super) fn english(text: &str) -> String {
-    let text = HALVES.iter().fold(text.to_owned(), |text, (of_others, half)| {
+    let halves = HALVES.iter().flat_map(|(half, words)| words.all().map(move |of_others| (of_others, half)));
+    let text = halves.fold(text.to_owned(), |text, (of_others, half)| {
         if text.to_lowercase().contains(of_others) { text.to_lowercase().replace(of_others, half) } else { text }
     });
     let mut out = String::with_capacity(text.len());
@@ -57,7 +42,7 @@ pub(super) fn english(text: &str) -> String {
                 continue;
             }
             let lower = word.to_lowercase();
-            let month = MONTHS.iter().find(|(_, begins)| begins.iter().any(|begin| lower.starts_with(begin)));
+            let month = MONTHS.iter().find(|(_, begins)| begins.all().any(|begin| lower.starts_with(begin)));
             out.push_str(month.map_or(&word, |(month, _)| month));
             // A point behind an abbreviation.
             if month.is_some() {
@@ -76,7 +61,7 @@ pub(super) fn english(text: &str) -> String {
 /// A local time and the offset that the abbreviation behind it means.
 pub(super) fn with_zone(text: &str) -> Option<(&str, Offset)> {
     let (local, word) = text.rsplit_once([' ', '\u{a0}'])?;
-    let (_, hours) = ZONES.iter().find(|(zone, _)| *zone == word)?;
+    let (hours, _) = ZONES.iter().find(|(_, zones)| zones.has(word))?;
     Some((local.trim_end(), Offset::from_hours(*hours).ok()?))
 }
 

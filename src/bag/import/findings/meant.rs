@@ -1,5 +1,6 @@
 //! Whether units and signs can be meant: ranges that no governor has, and signals that go against each other.
 
+use crate::correlation::Correlation;
 use crate::import::row::{ImportedRow, Target};
 use crate::qualification::{PRESSURES_PA, TANK_PA, unit_of_pressure};
 use govtwin_model::units::seconds_from_nanos;
@@ -106,34 +107,9 @@ fn usual(target: Target) -> &'static str {
     }
 }
 
-/// Sums for a correlation.
-#[derive(Clone, Copy, Debug, Default)]
-struct CorrelationSums {
-    n: f64,
-    x: f64,
-    y: f64,
-    xx: f64,
-    yy: f64,
-    xy: f64,
-}
-
-impl CorrelationSums {
-    fn take(&mut self, x: f64, y: f64) {
-        self.n += 1.0;
-        // Running means, so that a pressure in Pa loses no digits.
-        let (dx, dy) = (x - self.x, y - self.y);
-        self.x += dx / self.n;
-        self.y += dy / self.n;
-        self.xx += dx * (x - self.x);
-        self.yy += dy * (y - self.y);
-        self.xy += dx * (y - self.y);
-    }
-
-    /// −1 to 1; 0 where too few pairs say it, or one side stands still.
-    fn correlation(&self) -> f64 {
-        let scale = (self.xx * self.yy).sqrt();
-        if self.n >= FEWEST_PAIRS && scale > 0.0 { self.xy / scale } else { 0.0 }
-    }
+/// −1 to 1; 0 where too few pairs say it.
+fn decided(sums: &Correlation) -> f64 {
+    if sums.pairs >= FEWEST_PAIRS { sums.value() } else { 0.0 }
 }
 
 /// Which signals should go together.
@@ -143,9 +119,9 @@ pub(super) struct Meant {
     /// Sum and number of spool positions since then.
     between: (f64, f64),
     /// Spool against the servomotor's speed.
-    spool: CorrelationSums,
+    spool: Correlation,
     /// Command against servomotor.
-    command: CorrelationSums,
+    command: Correlation,
     newest_command: Option<f64>,
 }
 
@@ -177,17 +153,17 @@ impl Meant {
 
     pub(super) fn warnings(&self) -> Vec<String> {
         let mut found = vec![];
-        if self.spool.correlation() < -DECIDES {
+        if decided(&self.spool) < -DECIDES {
             found.push(format!(
                 "spool_position: the servomotor moves against it (correlation of its speed with the spool {:.2}); a positive spool position \
                  opens: turn it with `sign: -1`, or swap the ends of `range`",
-                self.spool.correlation()
+                decided(&self.spool)
             ));
         }
-        if self.command.correlation() < -DECIDES {
+        if decided(&self.command) < -DECIDES {
             found.push(format!(
                 "servomotor_position: it moves against the command (correlation {:.2}); 1 is open: swap the ends of `range`",
-                self.command.correlation()
+                decided(&self.command)
             ));
         }
         found

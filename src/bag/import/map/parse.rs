@@ -5,41 +5,17 @@ use super::{Map, Repeated, SignalMap, SignalPlace, TripRule};
 use crate::import::convert::{UnitConversion, plain, pressure, share, units_of};
 use crate::import::lines::Between;
 use crate::import::row::Target;
+use crate::import::words::Words;
 use govtwin_model::params::FileProblem;
 use govtwin_model::params::yaml::{Node, get, parse as parse_yaml};
 
-const TOP: &[&str] = &["name", "source", "file", "time", "signals", "resample"];
-const FILE: &[&str] = &[
-    "separator",
-    "decimal",
-    "thousands",
-    "encoding",
-    "header_line",
-    "unit_line",
-    "first_line",
-    "missing",
-    "tag_column",
-    "value_column",
-];
-const TIME: &[&str] = &["column", "columns", "format", "zone", "start", "rate_hz", "repeated", "stamp"];
-const SIGNAL: &[&str] = &[
-    "column",
-    "field",
-    "constant",
-    "unit",
-    "scale",
-    "offset",
-    "range",
-    "to",
-    "sign",
-    "shutdown",
-    "latch",
-    "time",
-    "quality",
-    "good",
-    "between",
-    "deviation_percent",
-];
+const TOP: Words = Words("name|source|file|time|signals|resample");
+const FILE: Words =
+    Words("separator|decimal|thousands|encoding|header_line|unit_line|first_line|missing|tag_column|value_column");
+const TIME: Words = Words("column|columns|format|zone|start|rate_hz|repeated|stamp");
+const SIGNAL: Words = Words(
+    "column|field|constant|unit|scale|offset|range|to|sign|shutdown|latch|time|quality|good|between|deviation_percent",
+);
 
 pub(super) fn parse(text: &str) -> Result<Map, Vec<FileProblem>> {
     let document = parse_yaml(text)
@@ -53,7 +29,7 @@ impl<'a> Reader<'a> {
     fn map(&mut self) -> Map {
         let mut map = Map::default();
         let document = self.document;
-        let top = self.pairs(&document.root, &[], TOP);
+        let top = self.pairs(&document.root, &[], TOP.all());
         map.name = self.text(top, &[], "name").unwrap_or_default();
         map.source = self.text(top, &[], "source").unwrap_or_default();
         if let Some(node) = get(top, "file") {
@@ -63,13 +39,13 @@ impl<'a> Reader<'a> {
             self.time(node, &mut map);
         }
         if let Some(node) = get(top, "resample") {
-            let pairs = self.pairs(node, &["resample"], &["rate_hz"]);
+            let pairs = self.pairs(node, &["resample"], ["rate_hz"].into_iter());
             map.resample_hz = self.positive(pairs, &["resample"], "rate_hz");
         }
         let ids = Target::ALL.map(Target::id);
         match get(top, "signals") {
             Some(node) => {
-                for (key, node) in self.pairs(node, &["signals"], &ids) {
+                for (key, node) in self.pairs(node, &["signals"], ids.into_iter()) {
                     if let Some(target) = Target::ALL.into_iter().find(|target| target.id() == key) {
                         let signal = self.signal(target, node);
                         map.signals.extend(signal);
@@ -86,7 +62,7 @@ impl<'a> Reader<'a> {
 
     fn file(&mut self, node: &'a Node, map: &mut Map) {
         let path = &["file"];
-        let pairs = self.pairs(node, path, FILE);
+        let pairs = self.pairs(node, path, FILE.all());
         map.file.separator =
             self.letter(pairs, path, "separator", "").and_then(|letter| u8::try_from(u32::from(letter)).ok());
         map.file.decimal = self.letter(pairs, path, "decimal", ".,");
@@ -108,7 +84,7 @@ impl<'a> Reader<'a> {
 
     fn time(&mut self, node: &'a Node, map: &mut Map) {
         let path = &["time"];
-        let pairs = self.pairs(node, path, TIME);
+        let pairs = self.pairs(node, path, TIME.all());
         map.time.columns = self.texts(pairs, path, "column");
         let columns = self.texts(pairs, path, "columns");
         if !map.time.columns.is_empty() && !columns.is_empty() {
@@ -162,7 +138,7 @@ impl<'a> Reader<'a> {
                 return None;
             }
         }
-        let pairs = self.pairs(node, path, SIGNAL);
+        let pairs = self.pairs(node, path, SIGNAL.all());
         let mut signal = blank;
         let constant = self.number(pairs, path, "constant");
         let column = self.text(pairs, path, "column").map(SignalPlace::Column);

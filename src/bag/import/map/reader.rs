@@ -22,11 +22,17 @@ impl<'a> Reader<'a> {
     }
 
     /// The pairs below a key; keys that are not known are problems.
-    pub(super) fn pairs(&mut self, node: &'a Node, path: &[&str], known: &[&str]) -> &'a Pairs {
+    pub(super) fn pairs(
+        &mut self,
+        node: &'a Node,
+        path: &[&str],
+        known: impl Iterator<Item = &'static str>,
+    ) -> &'a Pairs {
         let Node::Map(pairs) = node else {
             self.expected(path, "keys and values", node);
             return &[];
         };
+        let known: Vec<&str> = known.collect();
         for (key, _) in pairs.iter().filter(|(key, _)| !known.contains(&key.as_str())) {
             let hint = match nearest(key, known.iter().copied()) {
                 Some(near) => format!("did you mean `{near}`?"),

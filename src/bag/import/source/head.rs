@@ -7,114 +7,30 @@ use crate::import::dialect::bracketed;
 use crate::import::map::{AS_RECORDED, SignalMap};
 use crate::import::number::Numbers;
 use crate::import::row::Target;
+use crate::import::words::Words;
 use govtwin_model::params::nearest;
 
 /// Names that columns of time have, in lower case, without what stands in brackets; the surest first.
-const TIMES: [&str; 46] = [
-    "timestamp",
-    "__time",
-    "_time",
-    "x_value",
-    "time",
-    "t",
-    "time stamp",
-    "datetime",
-    "date_time",
-    "date/time",
-    "date time",
-    "datum/zeit",
-    "zeitstempel",
-    "zeit",
-    "uhrzeit",
-    "horodatage",
-    "heure",
-    "temps",
-    "fecha",
-    "tiempo",
-    "ora",
-    "time_s",
-    "t_s",
-    "time_ns",
-    "#time",
-    "timestring",
-    "data/hora",
-    "data e hora",
-    "fecha/hora",
-    "fecha y hora",
-    "tempo",
-    "hora",
-    "tid",
-    "tidspunkt",
-    "tidpunkt",
-    "czas",
-    "aika",
-    "время",
-    "дата/время",
-    "дата и время",
-    "时间",
-    "日期时间",
-    "時刻",
-    "date",
-    "datum",
-    "index",
-];
+const TIMES: Words = Words(
+    "timestamp|__time|_time|x_value|time|t|time stamp|datetime|date_time|date/time|date time|datum/zeit|zeitstempel|zeit|uhrzeit|horodatage|\
+     heure|temps|fecha|tiempo|ora|time_s|t_s|time_ns|#time|timestring|data/hora|data e hora|fecha/hora|fecha y hora|tempo|hora|tid|tidspunkt|\
+     tidpunkt|czas|aika|время|дата/время|дата и время|时间|日期时间|時刻|date|datum|index",
+);
 /// Names of columns that hold a date beside a column of the time of day.
-const DATES: [&str; 6] = ["date", "datum", "fecha", "dato", "дата", "日期"];
+const DATES: Words = Words("date|datum|fecha|dato|дата|日期");
 /// Names of the latter.
-const TIMES_OF_DAY: [&str; 9] = ["time", "zeit", "uhrzeit", "heure", "ora", "hora", "tid", "время", "时间"];
+const TIMES_OF_DAY: Words = Words("time|zeit|uhrzeit|heure|ora|hora|tid|время|时间");
 /// The date and the time of day where the first is a word for data as well.
 const DATA: (&str, [&str; 3]) = ("data", ["hora", "ora", "czas"]);
 /// Words by which a column may hold the times of another beside it: `t_servo`, `servo time`, `Time.1`.
-const TIME_WORDS: [&str; 16] = [
-    "time",
-    "t",
-    "timestamp",
-    "zeit",
-    "zeitstempel",
-    "horodatage",
-    "temps",
-    "fecha",
-    "tiempo",
-    "ora",
-    "hora",
-    "tempo",
-    "tid",
-    "时间",
-    "время",
-    "date",
-];
+const TIME_WORDS: Words =
+    Words("time|t|timestamp|zeit|zeitstempel|horodatage|temps|fecha|tiempo|ora|hora|tempo|tid|时间|время|date");
 
 /// Names of columns that say of which machine a row is, without a number, `name`, `id` and `no` behind them.
-const MACHINES: [&str; 28] = [
-    "unit",
-    "machine",
-    "turbine",
-    "generator",
-    "aggregate",
-    "maschine",
-    "maschinensatz",
-    "aggregat",
-    "turbina",
-    "groupe",
-    "unidad",
-    "host",
-    "grupo",
-    "gruppo",
-    "aggregaat",
-    "agregat",
-    "агрегат",
-    "机组",
-    "station",
-    "plant",
-    "site",
-    "anlage",
-    "kraftwerk",
-    "centrale",
-    "usine",
-    "planta",
-    "device",
-    "name",
-];
+const MACHINES: Words = Words(
+    "unit|machine|turbine|generator|aggregate|maschine|maschinensatz|aggregat|turbina|groupe|unidad|host|grupo|gruppo|aggregaat|agregat|агрегат|\
+     机组|station|plant|site|anlage|kraftwerk|centrale|usine|planta|device|name",
+);
 
 /// What is known of a table before its records.
 #[derive(Clone, Debug)]
@@ -164,7 +80,7 @@ impl TableHead {
             let behind = ["name", "id", "no", "nr", "number", "nummer"];
             let mut rest =
                 words.enumerate().filter(|(place, word)| *place == 0 || !behind.contains(word)).map(|(_, word)| word);
-            rest.next().is_some_and(|word| MACHINES.contains(&word)) && rest.next().is_none()
+            rest.next().is_some_and(|word| MACHINES.has(word)) && rest.next().is_none()
         };
         (0..self.names.len()).find(|column| !taken.contains(column) && is_one(&self.names[*column]))
     }
@@ -185,17 +101,17 @@ impl TableHead {
     pub(in crate::import) fn time_columns(&self) -> Vec<usize> {
         let bare = |name: &String| bracketed(name).map_or(name.as_str(), |(bare, _)| bare).trim().to_lowercase();
         let find = |wanted: &str| self.names.iter().position(|name| bare(name) == wanted);
-        let first = |names: &[&str]| names.iter().find_map(|name| find(name));
+        let first = |names: Words| names.all().find_map(find);
         // WinCC writes the time again beside its text, with the part of the second that the text has lost.
-        match (first(&DATES), first(&TIMES_OF_DAY)) {
+        match (first(DATES), first(TIMES_OF_DAY)) {
             _ if find("timestring").is_some() && find("time_ms").is_some() => find("time_ms").into_iter().collect(),
             (Some(date), Some(time)) => vec![date, time],
             (None, Some(time)) if DATA.1.contains(&bare(&self.names[time]).as_str()) && find(DATA.0).is_some() => {
                 find(DATA.0).into_iter().chain([time]).collect()
             }
-            _ => match first(&TIMES).filter(|place| bare(&self.names[*place]) != "index") {
+            _ => match first(TIMES).filter(|place| bare(&self.names[*place]) != "index") {
                 Some(place) => vec![place],
-                None => self.seconds().or_else(|| Some(vec![first(&TIMES)?])).unwrap_or_default(),
+                None => self.seconds().or_else(|| Some(vec![first(TIMES)?])).unwrap_or_default(),
             },
         }
     }
@@ -206,7 +122,7 @@ impl TableHead {
             |of: &str| self.names.iter().position(|name| fraction_digits(name) == Some(9) && last_word(name).0 == of);
         self.names.iter().enumerate().find_map(|(second, name)| {
             let (of, unit) = last_word(name);
-            let is_second = SECONDS.contains(&unit.as_str());
+            let is_second = SECONDS.has(&unit);
             is_second.then(|| nanoseconds(&of)).flatten().map(|part| vec![second, part])
         })
     }
@@ -214,7 +130,7 @@ impl TableHead {
     /// Whether a column, by its name, may hold times of others as the one of another name does.
     pub(super) fn may_be_time(&self, column: usize, main: usize) -> bool {
         let (own, of_main) = (time_words(&self.names[column]), time_words(&self.names[main]));
-        own.iter().any(|word| TIME_WORDS.contains(&word.as_str())) || (own.last() == of_main.last() && own.len() > 1)
+        own.iter().any(|word| TIME_WORDS.has(word)) || (own.last() == of_main.last() && own.len() > 1)
     }
 
     /// Whether a column, by its name, is the part of the second of times in other columns.
@@ -227,24 +143,12 @@ impl TableHead {
 }
 
 /// Words for seconds.
-const SECONDS: [&str; 5] = ["s", "sec", "secs", "second", "seconds"];
+const SECONDS: Words = Words("s|sec|secs|second|seconds");
 /// Words for parts of a second, with their digits behind it.
-const PARTS: [(&str, usize); 15] = [
-    ("ms", 3),
-    ("msec", 3),
-    ("millis", 3),
-    ("millisec", 3),
-    ("millisecond", 3),
-    ("milliseconds", 3),
-    ("millisekunden", 3),
-    ("us", 6),
-    ("usec", 6),
-    ("microseconds", 6),
-    ("ns", 9),
-    ("nsec", 9),
-    ("nanosec", 9),
-    ("nanosecs", 9),
-    ("nanoseconds", 9),
+const PARTS: [(Words, usize); 3] = [
+    (Words("ms|msec|millis|millisec|millisecond|milliseconds|millisekunden"), 3),
+    (Words("us|usec|microseconds"), 6),
+    (Words("ns|nsec|nanosec|nanosecs|nanoseconds"), 9),
 ];
 
 /// The last word of a column's name, without what stands in brackets, and what is before it; in lower case.
@@ -265,7 +169,7 @@ fn time_words(name: &str) -> Vec<String> {
 /// The digits behind the second of a column that by its name holds a part of it.
 pub(super) fn fraction_digits(name: &str) -> Option<usize> {
     let (_, word) = last_word(name);
-    PARTS.iter().find(|(part, _)| *part == word).map(|(_, digits)| *digits)
+    PARTS.iter().find(|(parts, _)| parts.has(&word)).map(|(_, digits)| *digits)
 }
 
 /// What a cell that is no number may be.

@@ -1,113 +1,25 @@
 //! Columns that say of values whether they are good: OPC quality numbers and status codes, words, and flags.
 
 use super::channel::ChannelValue;
+use crate::import::words::Words;
 
 /// Words of names that say that a column holds the quality of another.
-const QUALITY: [&str; 43] = [
-    "quality",
-    "qual",
-    "q",
-    "status",
-    "state",
-    "valid",
-    "validity",
-    "good",
-    "statuscode",
-    "qualitaet",
-    "qualität",
-    "gueltig",
-    "qualite",
-    "flag",
-    "qc",
-    "gültig",
-    "bad",
-    "invalid",
-    "questionable",
-    "substituted",
-    "suspect",
-    "ungueltig",
-    "ungültig",
-    "fault",
-    "error",
-    "pctgood",
-    "qualité",
-    "qualità",
-    "calidad",
-    "qualidade",
-    "kvalitet",
-    "kvalité",
-    "质量",
-    "品质",
-    "качество",
-    "ok",
-    "isgood",
-    "confidence",
-    "conf",
-    "annotation",
-    "annotated",
-    "interpolated",
-    "nan",
-];
+const QUALITY: Words = Words(
+    "quality|qual|q|status|state|valid|validity|good|statuscode|qualitaet|qualität|gueltig|qualite|flag|qc|gültig|bad|invalid|questionable|\
+     substituted|suspect|ungueltig|ungültig|fault|error|pctgood|qualité|qualità|calidad|qualidade|kvalitet|kvalité|质量|品质|качество|ok|isgood|\
+     confidence|conf|annotation|annotated|interpolated|nan",
+);
 /// Words of names by which 1, or true, says that a value is not good.
-const NOT_GOOD: [&str; 9] =
-    ["bad", "invalid", "questionable", "substituted", "suspect", "ungueltig", "ungültig", "interpolated", "nan"];
+const NOT_GOOD: Words = Words("bad|invalid|questionable|substituted|suspect|ungueltig|ungültig|interpolated|nan");
 /// Words of names that stand for the value beside its quality.
-const VALUE: [&str; 12] =
-    ["is", "value", "val", "pv", "wert", "valeur", "valor", "current", "v", "code", "pct", "percent"];
+const VALUE: Words = Words("is|value|val|pv|wert|valeur|valor|current|v|code|pct|percent");
 /// Beginnings of words that say that a value is good.
-const GOOD: [&str; 17] = [
-    "good",
-    "ok",
-    "valid",
-    "normal",
-    "gut",
-    "true",
-    "measured",
-    "bon",
-    "buen",
-    "boa",
-    "bom",
-    "god",
-    "bra",
-    "好",
-    "正常",
-    "хорош",
-    "g",
-];
+const GOOD: Words = Words("good|ok|valid|normal|gut|true|measured|bon|buen|boa|bom|god|bra|好|正常|хорош|g");
 /// And that it is not; words of one letter stand for themselves.
-const BAD: [&str; 31] = [
-    "bad",
-    "invalid",
-    "uncertain",
-    "questionable",
-    "false",
-    "fail",
-    "err",
-    "stale",
-    "comm",
-    "not",
-    "no",
-    "substitut",
-    "i/o",
-    "out",
-    "timeout",
-    "schlecht",
-    "ungültig",
-    "unsicher",
-    "manual",
-    "mauvais",
-    "mal",
-    "ruim",
-    "dårlig",
-    "dålig",
-    "interpol",
-    "坏",
-    "故障",
-    "плох",
-    "b",
-    "u",
-    "x",
-];
+const BAD: Words = Words(
+    "bad|invalid|uncertain|questionable|false|fail|err|stale|comm|not|no|substitut|i/o|out|timeout|schlecht|ungültig|unsicher|manual|mauvais|mal|\
+     ruim|dårlig|dålig|interpol|坏|故障|плох|b|u|x",
+);
 /// Different values of a column that are kept.
 const MOST_DISTINCT: usize = 32;
 /// OPC DA: a quality from here on is good, of 0 to 255.
@@ -148,10 +60,10 @@ impl Quality {
             (Self::OpcDa, _) => number.is_some_and(|number| (OPC_DA_GOOD..256.0).contains(&number)),
             (Self::Pcs7, _) => number.is_some_and(|number| (PCS7_GOOD..256.0).contains(&number)),
             (Self::Share, _) => number.is_some_and(|number| number >= 100.0),
-            (Self::NotGood, ChannelValue::Text(text)) => is_word(text, &["false", "no", "good", "ok"]),
+            (Self::NotGood, ChannelValue::Text(text)) => is_word(text, Words("false|no|good|ok")),
             (Self::NotGood, _) => number == Some(0.0),
             (Self::OpcUa, _) => number.is_some_and(|number| (0.0..OPC_UA_NOT_GOOD).contains(&number)),
-            (Self::Flag | Self::Words, ChannelValue::Text(text)) => is_word(text, &GOOD),
+            (Self::Flag | Self::Words, ChannelValue::Text(text)) => is_word(text, GOOD),
             (Self::Flag, _) => number == Some(1.0),
             (Self::Words, _) => false,
             (Self::Listed(good), ChannelValue::Text(text)) => {
@@ -179,9 +91,9 @@ fn code(value: ChannelValue<'_>) -> Option<f64> {
 }
 
 /// Whether a word begins as one of some do; those of one letter must be the whole word.
-fn is_word(text: &str, known: &[&str]) -> bool {
+fn is_word(text: &str, known: Words) -> bool {
     let text = text.trim().trim_matches(['[', ']', '(', ')']).to_lowercase();
-    known.iter().any(|word| if word.len() == 1 { text == *word } else { text.starts_with(word) })
+    known.all().any(|word| if word.len() == 1 { text == word } else { text.starts_with(word) })
 }
 
 /// Counts one of few values.
@@ -250,18 +162,18 @@ impl QualityLook {
         // Programs without unsigned numbers write codes of 32 bits as negative ones.
         let is_signed = self.numbers.iter().any(|(number, _)| *number <= -OPC_UA_NOT_GOOD);
         let words = words_of(name);
-        let says = |known: &[&str]| words.iter().any(|word| known.contains(&word.as_str()));
-        let known = |(word, _): &(String, u64)| is_word(word, &GOOD) || is_word(word, &BAD);
-        let truths = self.words.iter().all(|(word, _)| is_word(word, &["true", "false"]));
+        let says = |known: Words| words.iter().any(|word| known.has(word));
+        let known = |(word, _): &(String, u64)| is_word(word, GOOD) || is_word(word, BAD);
+        let truths = self.words.iter().all(|(word, _)| is_word(word, Words("true|false")));
         match (self.words.is_empty(), self.numbers.is_empty()) {
-            _ if says(&NOT_GOOD) && truths && most <= 1.0 => Some(Quality::NotGood),
+            _ if says(NOT_GOOD) && truths && most <= 1.0 => Some(Quality::NotGood),
             // `fault` and `error` may be of the machine.
-            _ if says(&["fault", "error"]) => None,
+            _ if says(Words("fault|error")) => None,
             (false, true) if self.words.iter().all(known) => Some(Quality::Words),
             (true, false)
-                if says(&["pctgood"])
-                    || says(&["good"]) && says(&["pct", "percent"])
-                    || says(&["confidence", "conf"]) && most == 100.0 =>
+                if says(Words("pctgood"))
+                    || says(Words("good")) && says(Words("pct|percent"))
+                    || says(Words("confidence|conf")) && most == 100.0 =>
             {
                 Some(Quality::Share)
             }
@@ -270,14 +182,12 @@ impl QualityLook {
             (true, false)
                 if most >= OPC_UA_NOT_GOOD
                     || is_signed
-                    || says(&["statuscode"])
-                    || says(&["status"]) && says(&["code"]) =>
+                    || says(Words("statuscode"))
+                    || says(Words("status")) && says(Words("code")) =>
             {
                 Some(Quality::OpcUa)
             }
-            (true, false)
-                if most <= 1.0 && says(&["valid", "validity", "good", "gueltig", "gültig", "ok", "isgood"]) =>
-            {
+            (true, false) if most <= 1.0 && says(Words("valid|validity|good|gueltig|gültig|ok|isgood")) => {
                 Some(Quality::Flag)
             }
             _ => None,
@@ -304,14 +214,14 @@ fn words_of(name: &str) -> Vec<String> {
 }
 
 fn is_quality_word(word: &str) -> bool {
-    QUALITY.contains(&word.trim_end_matches(|letter: char| letter.is_ascii_digit()))
+    QUALITY.has(word.trim_end_matches(|letter: char| letter.is_ascii_digit()))
 }
 
 /// The column that holds the quality of a column's values: of the same name but for a word that says so, or right beside it with such a word alone.
 pub(in crate::import) fn column_of(names: &[String], value: usize) -> Option<usize> {
     let base = |name: &str| -> Vec<String> {
         let words = words_of(name);
-        let kept = words.iter().filter(|word| !is_quality_word(word) && !VALUE.contains(&word.as_str()));
+        let kept = words.iter().filter(|word| !is_quality_word(word) && !VALUE.has(word));
         kept.cloned().collect()
     };
     let says_quality = |name: &str| words_of(name).iter().any(|word| is_quality_word(word));
@@ -339,8 +249,7 @@ pub(in crate::import) fn column_of_rows(names: &[String]) -> Option<usize> {
 pub(in crate::import) fn column_of_lines(names: &[String], taken: &[usize]) -> Option<usize> {
     let is_one = |name: &String| {
         let words = words_of(name);
-        !words.is_empty()
-            && words.iter().all(|word| is_quality_word(word) || word == "code" || VALUE.contains(&word.as_str()))
+        !words.is_empty() && words.iter().all(|word| is_quality_word(word) || word == "code" || VALUE.has(word))
     };
     (0..names.len()).find(|index| !taken.contains(index) && is_one(&names[*index]))
 }

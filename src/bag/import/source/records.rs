@@ -1,5 +1,7 @@
 //! Records of a table file, whatever the file's format.
 
+use std::borrow::Cow;
+
 use super::channel::{Bad, ChannelValue};
 use crate::import::ImportError;
 
@@ -17,6 +19,18 @@ pub(in crate::import) trait TableRecords {
     /// The text of a cell, where the file holds text: times keep every digit of it.
     fn text_of(&self, _column: usize) -> Option<&str> {
         None
+    }
+    /// What a cell calls the signal of its line: a name, or a number as it is written.
+    fn tag(&self, column: usize) -> Option<Cow<'_, str>> {
+        let written = self.text_of(column);
+        let tag: Cow<'_, str> = match (self.value(column), written) {
+            (ChannelValue::Missing, _) => return None,
+            (_, Some(text)) | (ChannelValue::Text(text), None) => text.trim().into(),
+            (ChannelValue::Number(number), None) => number.to_string().into(),
+            (ChannelValue::Whole(number), None) => number.to_string().into(),
+            (ChannelValue::Time(_) | ChannelValue::Local(_), None) => return None,
+        };
+        (!tag.is_empty()).then_some(tag)
     }
     /// The share of the file that is read.
     fn share(&self) -> f64;

@@ -159,7 +159,7 @@ impl<R: TableRecords> TableSource<R> {
                 // Lines of other tags say nothing of this one.
                 let of_tag = self.long.as_ref().is_none_or(|long| {
                     let tag = self.columns[*place].channel.map.place();
-                    matches!(records.value(long.tag), ChannelValue::Text(text) if Some(text.trim()) == tag)
+                    records.tag(long.tag).as_deref() == tag
                 });
                 if of_tag {
                     look.take(quality_cell(&records, *index));
@@ -272,6 +272,11 @@ impl<R: TableRecords> TableSource<R> {
     pub(in crate::import) fn time_of(&self, column: usize) -> Option<i64> {
         let group = self.times.iter().rposition(|group| group.is_of(column)).unwrap_or(0);
         self.now_ns.get(group).copied().flatten()
+    }
+
+    /// What a column of the present record calls a signal.
+    pub(in crate::import) fn tag(&self, column: usize) -> Option<std::borrow::Cow<'_, str>> {
+        self.records.tag(column)
     }
 
     /// What stands in a column of the present record.

@@ -2,54 +2,21 @@
 
 use crate::import::convert::{at_end_of_name, with_capital_at_end_of};
 use crate::import::row::Target;
+use crate::import::words::Words;
 
 use super::signal_words::WORDS;
 
 /// Words of quantities that are none of the signals.
-const OTHERS: [&str; 34] = [
-    "speed",
-    "drehzahl",
-    "vitesse",
-    "frequency",
-    "frequenz",
-    "power",
-    "leistung",
-    "puissance",
-    "temp",
-    "temperature",
-    "temperatur",
-    "level",
-    "niveau",
-    "stand",
-    "head",
-    "flow",
-    "durchfluss",
-    "force",
-    "kraft",
-    "voltage",
-    "spannung",
-    "rpm",
-    "hz",
-    "mw",
-    "velocity",
-    "effort",
-    "runner",
-    "laufrad",
-    "laufschaufel",
-    "limit",
-    "转速",
-    "频率",
-    "转轮",
-    "桨叶",
-];
+const OTHERS: Words = Words(
+    "id|numericid|speed|drehzahl|vitesse|frequency|frequenz|power|leistung|puissance|temp|temperature|temperatur|level|niveau|stand|head|flow|\
+     durchfluss|force|kraft|voltage|spannung|rpm|hz|mw|velocity|effort|runner|laufrad|laufschaufel|limit|转速|频率|转轮|桨叶",
+);
 
 /// Words of a quantity that has another source than the one that a position has: they speak against all positions.
-const PRESSURES: [&str; 11] =
-    ["pres", "pressure", "druck", "pression", "presion", "press", "trykk", "tryck", "давлен", "压力", "油压"];
+const PRESSURES: Words = Words("pres|pressure|druck|pression|presion|press|trykk|tryck|давлен|压力|油压");
 
 /// Words of pressures that are not the tank's, where nothing else says that they are.
-const NOT_OF_TANK: [&str; 9] =
-    ["load", "differential", "difference", "diff", "delta", "dp", "rod", "return", "cylinder"];
+const NOT_OF_TANK: Words = Words("load|differential|difference|diff|delta|dp|rod|return|cylinder");
 
 /// How much a name speaks for each signal, and the words by which it does.
 pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
@@ -64,22 +31,22 @@ pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
     let is_attribute = attribute.len() < name.len() && attribute.trim().eq_ignore_ascii_case("pv");
     let is_value =
         |word: &str| word == "pv" && (is_attribute || words.len() > 2 && words.last().is_some_and(|last| last == "pv"));
-    for (word, weight) in WORDS.iter().filter(|(of, _)| *of == target).flat_map(|(_, words)| words.iter()) {
+    for (word, weight) in words_of(target) {
         if has(word) && !is_value(word) {
-            found.push((word, *weight));
+            found.push((word, weight));
         }
     }
     // `control_pressure` says what `pressure` says, and more.
     let of_words = |word: &str| found.iter().any(|(other, _)| *other != word && other.contains(word));
     let mut sum: f64 = found.iter().filter(|(word, _)| !of_words(word)).map(|(_, weight)| weight).sum();
-    if words.iter().any(|word| OTHERS.contains(&word.as_str())) {
+    if words.iter().any(|word| OTHERS.has(word)) {
         sum -= 4.0;
     }
-    let pressure = PRESSURES.iter().any(|word| has(word));
+    let pressure = PRESSURES.all().any(has);
     if pressure != target.is_pressure() && (pressure || sum > 0.0 && target == Target::ControlPressure) {
         sum -= 4.0;
     }
-    let elsewhere = sum < 4.0 && words.iter().any(|word| NOT_OF_TANK.contains(&word.as_str()));
+    let elsewhere = sum < 4.0 && words.iter().any(|word| NOT_OF_TANK.has(word));
     if target == Target::TankPressure && (elsewhere || score_of(Target::ControlPressure, &has) >= 5.0) {
         sum -= 4.0;
     }
@@ -87,50 +54,25 @@ pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
 }
 
 fn score_of(target: Target, has: &dyn Fn(&str) -> bool) -> f64 {
-    let words = WORDS.iter().filter(|(of, _)| *of == target).flat_map(|(_, words)| words.iter());
-    words.filter(|(word, _)| has(word)).map(|(_, weight)| *weight).fold(0.0, f64::max)
+    words_of(target).filter(|(word, _)| has(word)).map(|(_, weight)| weight).fold(0.0, f64::max)
+}
+
+/// The words that speak for a signal, and how much.
+fn words_of(target: Target) -> impl Iterator<Item = (&'static str, f64)> {
+    WORDS.iter().filter(move |(of, _)| *of == target).flat_map(|(_, words)| words.weighed())
 }
 
 /// Words of names that say which figure of a signal a column holds, or how it was taken.
-const FIGURES: [&str; 25] = [
-    "min",
-    "max",
-    "avg",
-    "mean",
-    "std",
-    "raw",
-    "filt",
-    "filtered",
-    "value",
-    "val",
-    "pv",
-    "quality",
-    "status",
-    "valid",
-    "time",
-    "date",
-    "x",
-    "y",
-    "z",
-    "t",
-    "u",
-    "p",
-    "id",
-    "numericid",
-    "timestamp",
-];
+const FIGURES: Words =
+    Words("min|max|avg|mean|std|raw|filt|filtered|value|val|pv|quality|status|valid|time|date|x|y|z|t|u|p|timestamp");
 
 /// Whether a word says something of a signal, so that it tells no machine from another.
 pub(super) fn is_known(word: &str) -> bool {
-    let of_signal = WORDS.iter().flat_map(|(_, words)| words.iter()).any(|(known, _)| {
+    let of_signal = WORDS.iter().flat_map(|(_, words)| words.weighed()).any(|(known, _)| {
         // `86` is a relay, and a number all the same.
         !known.starts_with(|letter: char| letter.is_ascii_digit()) && (known.split('_').any(|part| part == word))
     });
-    of_signal
-        || OTHERS.contains(&word)
-        || PRESSURES.contains(&word)
-        || FIGURES.contains(&word)
-        || !at_end_of_name(word).is_empty()
+    of_signal || OTHERS.has(word) || PRESSURES.has(word) || FIGURES.has(word) || !at_end_of_name(word).is_empty()
 }
 
 /// The unit that a name ends with, as `spool_pct` does; empty where it does not.

@@ -6,6 +6,7 @@ use super::trip::{TripSign, running_states, sign_of_trip};
 use crate::import::convert::{plain, pressure, share};
 use crate::import::map::{SignalMap, SignalPlace, TripRule};
 use crate::import::row::Target;
+use crate::import::words::Words;
 use crate::qualification::unit_of_pressure;
 
 /// The signal with unit, range and sign as the column shows them.
@@ -158,37 +159,22 @@ fn trip_by_data(column: &SuggestedColumn, servomotor: &SuggestedColumn) -> Optio
 }
 
 /// Words of names by which the greater of two states is a trip.
-const TRIPS: [&str; 16] = [
-    "trip",
-    "tripped",
-    "closed",
-    "shutdown",
-    "emergency",
-    "esd",
-    "alarm",
-    "active",
-    "notschluss",
-    "schnellschluss",
-    "notaus",
-    "aus",
-    "stop",
-    "urgence",
-    "disparo",
-    "86",
-];
+const TRIPS: Words = Words(
+    "trip|tripped|closed|shutdown|emergency|esd|alarm|active|notschluss|schnellschluss|notaus|aus|stop|urgence|disparo|86",
+);
 /// And by which it is none, whatever else a name says.
-const RUNS: [&str; 9] = ["energised", "energized", "normal", "healthy", "ok", "open", "opened", "reset", "running"];
+const RUNS: Words = Words("energised|energized|normal|healthy|ok|open|opened|reset|running");
 
 /// The state that means a trip by names and words alone, and what to say of the choice.
 fn trip_state(column: &SuggestedColumn) -> (String, String) {
-    let bad = ["trip", "tripped", "aus", "shutdown", "alarm", "true", "on", "active", "1"];
-    if let Some(word) = column.words.iter().find(|word| bad.contains(&word.to_lowercase().as_str())) {
+    let bad = Words("trip|tripped|aus|shutdown|alarm|true|on|active|1");
+    if let Some(word) = column.words.iter().find(|word| bad.has(&word.to_lowercase())) {
         return (word.clone(), format!("esv: `{word}` is taken as shutdown"));
     }
     let words = words(&column.name);
-    let says = |known: &[&str]| words.iter().any(|word| known.contains(&word.as_str()));
+    let says = |known: Words| words.iter().any(|word| known.has(word));
     // This project's own message says 1 for normal; so does a valve that is held by its coil.
-    let lowest = says(&RUNS) || (!says(&TRIPS) && says(&["esv", "valve", "solenoid"]));
+    let lowest = says(RUNS) || (!says(TRIPS) && says(Words("esv|valve|solenoid")));
     let [least, most] = column.range.ends();
     let state = if lowest { least.min(0.0) } else { most.max(1.0) };
     let other = if lowest { "0" } else { "the greater value" };

@@ -10,52 +10,23 @@ use crate::import::source::head::TableHead;
 use crate::import::source::quality::column_of_lines;
 use crate::import::source::records::{SAMPLED, TableRecords};
 use crate::import::source::table::TableSource;
+use crate::import::words::Words;
 
 /// Tables with one value a line have few columns.
 const MOST_WIDE: usize = 12;
-/// Names that the column of the signals' names has.
-const TAGS: [&str; 38] = [
-    "tag",
-    "tagname",
-    "tag name",
-    "tag_name",
-    "name",
-    "signal",
-    "signalname",
-    "variable",
-    "varname",
-    "point",
-    "pointname",
-    "point name",
-    "messstelle",
-    "kanal",
-    "topic",
-    "series",
-    "metric",
-    "_field",
-    "item",
-    "itemname",
-    "parameter",
-    "bezeichnung",
-    "nom",
-    "sensor",
-    "data item",
-    "dataitem",
-    "tag id",
-    "tagid",
-    "point id",
-    "item id",
-    "@ostr tag",
-    "etiqueta",
-    "nome",
-    "variável",
-    "标签",
-    "测点",
-    "测点名称",
-    "名称",
-];
+/// Names of the column of the signals' names, in lower case, letters and digits alone.
+const TAGS: Words = Words(
+    "tag|tagname|name|signal|signalname|variable|varname|pointname|messstelle|topic|series|metric|field|item|itemname|parameter|bezeichnung|nom|\
+     sensor|dataitem|ostrtag|etiqueta|nome|variável|标签|测点|测点名称|名称|point|kanal",
+);
+/// Names of that column where signals have numbers.
+const NUMBERED: Words = Words(
+    "id|tagid|pointid|itemid|signalid|valueid|channelid|numericid|tagindex|index|no|nr|number|nummer|channel|kanal|point",
+);
+/// Names of the column of values.
+const VALUES: Words = Words("value|wert|val|varvalue|valeur|valor|datavalue");
 /// Names that the column of units has.
-const UNITS: [&str; 7] = ["unit", "units", "einheit", "engunits", "eu", "uom", "unité"];
+const UNITS: Words = Words("unit|units|einheit|engunits|eu|uom|unité");
 
 /// The columns of a table with one value a line.
 pub(super) struct TallColumns {
@@ -74,43 +45,42 @@ pub(super) fn columns<R: TableRecords>(
     }
     let time = head.time_columns();
     let mut records = open()?;
-    let (mut texts, mut numbers) = (vec![0_usize; head.names.len()], vec![0_usize; head.names.len()]);
-    let mut words: Vec<Vec<String>> = vec![vec![]; head.names.len()];
-    let mut count = 0;
+    let mut numbers = vec![0_usize; head.names.len()];
+    let mut tags: Vec<Vec<String>> = vec![vec![]; head.names.len()];
+    let (mut filled, mut count) = (numbers.clone(), 0);
     while count < SAMPLED && records.advance()? {
         count += 1;
         for column in 0..head.names.len() {
-            match records.value(column) {
-                ChannelValue::Text(text) => {
-                    texts[column] += 1;
-                    if !words[column].iter().any(|known| known == text) {
-                        words[column].push(text.to_owned());
-                    }
-                }
-                ChannelValue::Number(_) | ChannelValue::Whole(_) => numbers[column] += 1,
-                _ => {}
+            let is_number = matches!(records.value(column), ChannelValue::Number(_) | ChannelValue::Whole(_));
+            numbers[column] += usize::from(is_number);
+            let Some(tag) = records.tag(column) else { continue };
+            filled[column] += 1;
+            if !tags[column].iter().any(|known| *known == tag) {
+                tags[column].push(tag.into_owned());
             }
         }
     }
-    let named = |column: usize, names: &[&str]| names.contains(&head.names[column].trim().to_lowercase().as_str());
-    let is_tag = |column: &usize| {
-        let distinct = words[*column].len();
-        !time.contains(column)
-            && texts[*column] == count
-            && count > 0
-            && named(*column, &TAGS)
-            && distinct >= 1
-            && distinct * 2 <= count
+    let named = |column: usize, names: Words| {
+        let name: String = head.names[column].chars().filter(|letter| letter.is_alphanumeric()).collect();
+        names.has(&name.to_lowercase())
     };
-    let Some(tag) = (0..head.names.len()).find(is_tag) else { return Ok(None) };
-    let taken: Vec<usize> = time.iter().copied().chain([tag]).collect();
+    let repeats = |column: usize| {
+        !time.contains(&column) && filled[column] == count && count > 0 && tags[column].len() * 2 <= count
+    };
+    let is_tag = |column: &usize| {
+        repeats(*column) && numbers[*column] == 0 && (named(*column, TAGS) || named(*column, NUMBERED))
+    };
+    // A number that is one and the same is of a machine, or of nothing.
+    let is_number = |column: &usize| repeats(*column) && tags[*column].len() > 1 && named(*column, NUMBERED);
+    let all = 0..head.names.len();
+    let Some(tag) = all.clone().find(is_tag).or_else(|| all.clone().find(is_number)) else { return Ok(None) };
+    let numbered = all.clone().filter(|column| *column != tag && named(*column, NUMBERED));
+    let taken: Vec<usize> = time.iter().copied().chain([tag]).chain(numbered).collect();
     let quality = column_of_lines(&head.names, &taken);
-    let unit = (0..head.names.len()).find(|column| named(*column, &UNITS));
-    let free = (0..head.names.len()).filter(|column| !taken.contains(column) && Some(*column) != unit);
+    let unit = all.clone().find(|column| named(*column, UNITS));
+    let free = all.filter(|column| !taken.contains(column) && Some(*column) != unit);
     // A column called so is the value, unless it is the only one that could be.
-    let named_value =
-        |column: &usize| named(*column, &["value", "wert", "_value", "val", "varvalue", "valeur", "valor"]);
-    let value = free.clone().find(named_value).or_else(|| {
+    let value = free.clone().find(|column| named(*column, VALUES)).or_else(|| {
         // Several columns of numbers are those of several signals, whatever the name beside them is of.
         let several =
             free.clone().filter(|column| Some(*column) != quality && numbers[*column] * 2 > count).count() > 1;
@@ -140,8 +110,7 @@ pub(super) fn suggest<R: TableRecords>(
         if rows.is_multiple_of(ROWS_PER_CALL) {
             on_progress(table.share());
         }
-        let ChannelValue::Text(tag) = table.value(tall.tag) else { continue };
-        let tag = tag.trim();
+        let Some(tag) = table.tag(tall.tag) else { continue };
         let known = columns.iter().position(|column| column.name == tag);
         let place = known.or_else(|| {
             let unit = match tall.unit.map(|unit| table.value(unit)) {
@@ -149,7 +118,7 @@ pub(super) fn suggest<R: TableRecords>(
                 _ => "",
             };
             (columns.len() < MOST_COLUMNS).then(|| {
-                columns.push(SuggestedColumn::new(tag, unit));
+                columns.push(SuggestedColumn::new(&tag, unit));
                 columns.len() - 1
             })
         });

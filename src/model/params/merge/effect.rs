@@ -38,9 +38,11 @@ impl Merge<'_> {
         for parameter in spec.parameters {
             let parameter = parameter.on(&self.sheet.unit.parameters);
             let path = [section, id, parameter.name];
-            let slack = if parameter.scaling == Scaling::Fixed { 1.0 } else { REFITTED };
-            let [low, high] =
-                [parameter.min, parameter.max].map(|end| parameter.neutral + slack * (end - parameter.neutral));
+            // The end of a fixed range is itself, which no sum of differences gives back to the last bit.
+            let [low, high] = [parameter.min, parameter.max].map(|end| match parameter.scaling {
+                Scaling::Fixed => end,
+                _ => parameter.neutral + REFITTED * (end - parameter.neutral),
+            });
             values.extend(match get(map, parameter.name) {
                 Some(node) => self.number(&path, node, parameter.unit, (low, high)),
                 None => Some(parameter.neutral),

@@ -19,9 +19,9 @@ impl<R: TableRecords> TableSource<R> {
             }
             let place = self.records.place();
             let tag = match &self.long {
-                Some(long) => match self.records.value(long.tag) {
-                    ChannelValue::Text(tag) => Some((tag.trim(), long.value)),
-                    _ => continue,
+                Some(long) => match self.records.tag(long.tag) {
+                    Some(tag) => Some((tag, long.value)),
+                    None => continue,
                 },
                 None => None,
             };
@@ -29,8 +29,8 @@ impl<R: TableRecords> TableSource<R> {
                 let Some(time_ns) = now_ns else { continue };
                 let mut row = ImportedRow::at(*time_ns);
                 for column in self.columns.iter_mut().filter(|column| column.group == group) {
-                    let index = match tag {
-                        Some((tag, value)) if column.channel.map.place() == Some(tag) => value,
+                    let index = match &tag {
+                        Some((tag, value)) if column.channel.map.place() == Some(tag) => *value,
                         Some(_) => continue,
                         None => column.index,
                     };
