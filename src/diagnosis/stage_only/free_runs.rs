@@ -17,7 +17,7 @@ use crate::stage_alone::pieces::windows;
 use crate::stage_alone::plain::Plain;
 use crate::stage_alone::plain_models::{LAG, PlainKind, PlainModel};
 use crate::stage_alone::plain_numbers::PlainNumbers;
-use crate::stage_alone::run::Run;
+use crate::stage_alone::run::{HISTORY, LEAD, Run};
 use crate::stage_alone::spread::is_gain;
 use crate::stage_alone::time_scale::free_run_s;
 use crate::stage_only::stage_figures::PlainLaw;
@@ -69,7 +69,8 @@ impl Compared {
             .collect();
         let mut compared =
             Self { free_run_s: free_run_s(&whole), drive, is_loop: deviation.is_some(), ..Self::default() };
-        let Some(halves) = halves(&stage.whole, compared.free_run_s, ready) else { return compared };
+        let of_history = |history: f64| halves(&stage.whole, compared.free_run_s, history, ready);
+        let Some((halves, remembered)) = of_history(LEAD).zip(of_history(HISTORY)) else { return compared };
         for model in twins {
             let errors = [0, 1].map(|half| {
                 let problem = Problem::new(halves[1 - half].clone(), &model.unit(), &ready.noise);
@@ -81,7 +82,7 @@ impl Compared {
             compared.add(model.ids().join(" + "), None, &errors);
         }
         let recorded = ready.unit.recorded;
-        let runs = halves
+        let runs = remembered
             .each_ref()
             .map(|half| half.iter().filter_map(|one| as_recorded(one, ready, deviation)).collect::<Vec<Run>>());
         let both: Vec<Run> = runs.iter().flatten().cloned().collect();
@@ -235,8 +236,13 @@ fn wins(one: &ComparedModel, other: &ComparedModel) -> bool {
 }
 
 /// Free runs of the recordings, by half: of several recordings the first ones and the others, of one its quarters in turn, so that what drives it may
-/// change over it, as in a sweep; none where a half has none.
-fn halves(whole: &[Recording], length_s: f64, ready: &Preparation) -> Option<[Vec<PreparedRecording>; 2]> {
+/// change over it, as in a sweep, each with what drove it for so many lengths before; none where a half has none.
+fn halves(
+    whole: &[Recording],
+    length_s: f64,
+    history: f64,
+    ready: &Preparation,
+) -> Option<[Vec<PreparedRecording>; 2]> {
     // Processes of a unit with a sheet begin at rest.
     let at_rest = ready.setup != Setup::StageFree;
     let by_clock = |piece| PreparedRecording {
@@ -244,7 +250,7 @@ fn halves(whole: &[Recording], length_s: f64, ready: &Preparation) -> Option<[Ve
         ..PreparedRecording::free_run(piece)
     };
     let of = |half: &[Recording]| -> Vec<PreparedRecording> {
-        let runs = half.iter().flat_map(|recording| windows(recording, length_s, at_rest)).map(by_clock);
+        let runs = half.iter().flat_map(|recording| windows(recording, length_s, at_rest, history)).map(by_clock);
         runs.filter(|recording| recording.samples.len() > 2).collect()
     };
     let halves = match whole {
