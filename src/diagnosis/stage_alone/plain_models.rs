@@ -88,11 +88,6 @@ impl PlainKind {
         matches!(self, Self::Lag | Self::SetPoint)
     }
 
-    /// Whether it sums up what drives it with a gain each way, as the stage's own law does.
-    pub(crate) fn is_law_of_the_stage(self) -> bool {
-        matches!(self, Self::TwoGains | Self::DeadZone | Self::PlainLaw)
-    }
-
     /// The numbers of a set point that count in it: a first-order lag has no delay.
     pub(crate) fn parts_of(self, law: SetPoint) -> impl Iterator<Item = Part> {
         law.parts().filter(move |part| self == Self::SetPoint || *part != Part::Delay)
