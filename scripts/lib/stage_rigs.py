@@ -99,9 +99,11 @@ def axis(rng, law, valve, rows_wanted, steps):
                 v = v if slipping else 0.0
             moving, x = v, min(1.0, max(0.0, x + h * v))
     truth = {"gain": 1.0, "level": 0.0} if is_loop else {}
+    if is_loop and half:
+        truth["backlash or dead band, full width"] = 2 * half / of("kp")
     if law in ("delayed stage", "boom", "drifting stage"):
         truth |= {"spool_zero": 0.0, "dead_band": 2 * half, "rises_from": half, "falls_from": -half}
-    if law == "delayed stage":
+    if law in ("delayed stage", "counterbalance valve"):
         truth["lag_s"] = len(late) * h + 1.4 / omega
     return rows, truth
 

@@ -33,15 +33,16 @@ pub fn pieces(recordings: &[Recording], most: usize) -> Vec<Recording> {
     all
 }
 
-/// Free runs of a length, one behind another, without what is left over at the end, s; each with what drove it for a while before.
+/// Free runs of a length, one behind another, without what is left over at the end, s; each with what drove it for so many lengths before.
 ///
 /// What drove a recording before it began nobody knows, so that its first run begins as much later, unless it `begins_at_rest`.
-pub fn windows(recording: &Recording, length_s: f64, begins_at_rest: bool) -> Vec<Recording> {
+pub(crate) fn windows(recording: &Recording, length_s: f64, begins_at_rest: bool, history: f64) -> Vec<Recording> {
     let lead = if begins_at_rest { 0.0 } else { LEAD };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
     let count = ((length_s_of(recording) / length_s - lead).max(0.0) * (1.0 + 1e-9)) as usize;
     let edges = edges(recording, length_s, count, lead);
-    edges.windows(2).map(|pair| behind(recording, recording.name.clone(), pair[0]..pair[1], LEAD * length_s)).collect()
+    let of = |pair: &[usize]| behind(recording, recording.name.clone(), pair[0]..pair[1], history * length_s);
+    edges.windows(2).map(of).collect()
 }
 
 /// The rows at which so many stretches of a length begin, and where the last one ends; the first a share of the length behind the beginning.

@@ -2,7 +2,7 @@
 
 use crate::stage_alone::plain::{Parts, Plain, plain_of};
 use crate::stage_alone::run::{Lag, Run, SpoolLaw, mean_spool, solved};
-use crate::stage_alone::set_point::SetPoint;
+use crate::stage_alone::set_point::{Part, SetPoint};
 
 /// What a plain model is called in reports, by its parts.
 const TITLES: [(&str, PlainKind); 6] = [
@@ -17,14 +17,29 @@ const TITLES: [(&str, PlainKind); 6] = [
 /// What the time constant of a lag is called.
 pub(crate) const LAG: &str = "lag";
 
+/// What the speed below the dead band is called where it is one of its own, and what ends it.
+pub(crate) const GAIN_BELOW: &str = "gain below zero";
+pub(crate) const SATURATES: &str = "saturates beyond the dead band by";
+
 /// What a dead time is called.
 pub(crate) const DELAY: &str = "delay";
 
-/// What the integral action of a loop's regulator is told by: its proportional gain over its integral one.
-const INTEGRAL: &str = "integral time";
-
-/// What the play of a loop is called: one that stops short of where it is sent by half of a width tells no more.
-const PLAY: &str = "backlash or dead band, full width";
+/// What reports call a number of a loop. A regulator's integral action is told by its proportional gain over its integral one; what stops short of where it
+/// is sent by half of a width tells no more than that.
+fn title_of(part: Part) -> &'static str {
+    match part {
+        Part::Gain => "gain",
+        Part::Level => "level",
+        Part::Lag => LAG,
+        Part::Delay => DELAY,
+        Part::Integral => "integral time",
+        Part::Valve => "lag of the valve",
+        Part::Forward => "feed-forward of speed",
+        Part::Play => "backlash or dead band, full width",
+        Part::Rising => "rate limit, rising",
+        Part::Falling => "rate limit, falling",
+    }
+}
 
 /// The kinds of plain models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,9 +88,15 @@ impl PlainKind {
         matches!(self, Self::Lag | Self::SetPoint)
     }
 
-    /// Whether it sums up what drives it with a gain each way, as the stage's own law does.
-    pub(crate) fn is_law_of_the_stage(self) -> bool {
-        matches!(self, Self::TwoGains | Self::DeadZone | Self::PlainLaw)
+    /// The numbers of a set point that count in it: a first-order lag has no delay.
+    pub(crate) fn parts_of(self, law: SetPoint) -> impl Iterator<Item = Part> {
+        law.parts().filter(move |part| self == Self::SetPoint || *part != Part::Delay)
+    }
+
+    /// The same with what is not told but not known either: a valve's lag too short to see takes the place of a part of the integral time.
+    pub(crate) fn uncertain_parts_of(self, law: SetPoint) -> impl Iterator<Item = Part> {
+        let unseen = law.integral_s.is_finite() && law.valve_s <= 0.0;
+        self.parts_of(law).chain(unseen.then_some(Part::Valve))
     }
 
     /// Fits it to free runs; none where nothing drives them.
@@ -124,13 +145,12 @@ impl PlainModel {
     pub(crate) fn parameters(&self, drive: &str) -> Vec<(&'static str, f64, String)> {
         let of = |name, value, unit: String| (name, value, unit);
         let speed = || format!("of the position per second and unit of the {drive}");
-        let rate = || "of the position per second".to_owned();
         let (in_drive, seconds) = (format!("of the {drive}"), || "s".to_owned());
         match *self {
             Self::Sum(kind, Plain { lag, zero, half_band, saturates, above_1_s, below_1_s }) => {
                 let mut all = match kind {
                     PlainKind::Integrator => vec![of("gain", above_1_s, speed())],
-                    _ => vec![of("gain above zero", above_1_s, speed()), of("gain below zero", below_1_s, speed())],
+                    _ => vec![of("gain above zero", above_1_s, speed()), of(GAIN_BELOW, below_1_s, speed())],
                 };
                 all.push(of("zero", zero, in_drive.clone()));
                 if matches!(kind, PlainKind::DeadZone | PlainKind::PlainLaw) {
@@ -144,34 +164,24 @@ impl PlainModel {
                         all.push(of(LAG, lag.constant_s, seconds()));
                     }
                     if saturates.is_finite() {
-                        all.push(of("saturates beyond the dead band by", saturates, in_drive));
+                        all.push(of(SATURATES, saturates, in_drive));
                     }
                 }
                 all
             }
             Self::SetPoint(kind, law) => {
-                let mut all = vec![
-                    of("gain", law.gain, format!("of the position per unit of the {drive}")),
-                    of("level", law.level, "of the position".to_owned()),
-                    of(LAG, law.lag_s, seconds()),
-                ];
-                if kind == PlainKind::SetPoint {
-                    all.push(of(DELAY, law.delay_s, seconds()));
-                    if law.integral_s.is_finite() {
-                        all.push(of(INTEGRAL, law.integral_s, seconds()));
-                    }
-                    if law.half_play > 0.0 {
-                        all.push(of(PLAY, 2.0 * law.half_play, "of the position".to_owned()));
-                    }
-                    let limits = [("rate limit, rising", law.rising_limit), ("rate limit, falling", law.falling_limit)];
-                    all.extend(
-                        limits
-                            .into_iter()
-                            .filter(|(_, most)| most.is_finite())
-                            .map(|(name, most)| of(name, most, rate())),
-                    );
-                }
-                all
+                let of = |part: Part| {
+                    let unit = match part {
+                        Part::Gain => format!("of the position per unit of the {drive}"),
+                        Part::Level | Part::Play => "of the position".to_owned(),
+                        Part::Forward => format!("of the {drive}'s speed"),
+                        Part::Rising | Part::Falling => "of the position per second".to_owned(),
+                        Part::Lag | Part::Delay | Part::Integral | Part::Valve => seconds(),
+                    };
+                    let width = if part == Part::Play { 2.0 } else { 1.0 };
+                    of(title_of(part), width * law.value(part), unit)
+                };
+                kind.parts_of(law).map(of).collect()
             }
         }
     }

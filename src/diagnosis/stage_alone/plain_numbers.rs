@@ -7,11 +7,14 @@ use crate::stage_alone::flexible::period_s;
 use crate::stage_alone::plain::Plain;
 use crate::stage_alone::plain_models::{DELAY, PlainKind, PlainModel};
 use crate::stage_alone::run::{Lag, Run, travel, typical_s};
-use crate::stage_alone::set_point::SetPoint;
+use crate::stage_alone::set_point::Part;
 use crate::stage_alone::spread::{PieceSlopes, spread, with_common};
 
 /// A step for slopes, as a share of what a number may be.
 const STEP: f64 = 1e-3;
+
+/// Between which shares of a loop's lag a valve's lag is turned where none is seen.
+const UNSEEN: [f64; 2] = [0.05, 0.1];
 
 /// Numbers of a plain model, each with the ends between which its slope is taken, and their covariance between free runs.
 #[derive(Clone, Debug)]
@@ -52,18 +55,20 @@ impl PlainNumbers {
                 all
             }
             PlainModel::SetPoint(kind, law) => {
-                let mut all = vec![free(law.gain, law.gain), free(law.level, opening), positive(law.lag_s, length_s)];
-                if kind == PlainKind::SetPoint {
-                    all.push(positive(law.delay_s, length_s));
-                    // What is not there is not turned.
-                    let limits = [law.rising_limit, law.falling_limit].into_iter().filter(|limit| limit.is_finite());
-                    all.extend(limits.map(|limit| free(limit, limit)));
-                    all.extend(
-                        (law.half_play > 0.0).then(|| positive(law.half_play, opening.min(law.half_play / STEP * 0.5))),
-                    );
-                    all.extend(law.integral_s.is_finite().then(|| free(law.integral_s, law.integral_s)));
-                }
-                all
+                let of = |part: Part| {
+                    let value = law.value(part);
+                    match part {
+                        Part::Gain | Part::Rising | Part::Falling => free(value, value),
+                        Part::Level => free(value, opening),
+                        Part::Play => positive(value, opening.min(value / STEP * 0.5)),
+                        Part::Forward => positive(value, 1.0),
+                        // One that is not there is turned from where it is, where the law is integrated in the same way.
+                        Part::Valve if value <= 0.0 => (value, UNSEEN.map(|share| share * law.lag_s)),
+                        Part::Integral | Part::Valve => free(value, value),
+                        Part::Lag | Part::Delay => positive(value, length_s),
+                    }
+                };
+                kind.uncertain_parts_of(law).map(of).collect()
             }
         };
         let (numbers, ends): (Vec<f64>, Vec<[f64; 2]>) = all.into_iter().unzip();
@@ -79,9 +84,15 @@ impl PlainNumbers {
     /// Half-widths of the intervals of the model's parameters; when what drives it changed is known to half a row either way.
     pub(crate) fn of_parameters(&self, drive: &str) -> Vec<f64> {
         let all = self.model.parameters(drive);
-        let halves = self.half_widths(|model| model.parameters(drive).into_iter().map(|(_, value, _)| value).collect());
-        let widened = halves.into_iter().zip(all);
-        widened.map(|(half, (name, ..))| if name == DELAY { half + 0.5 * self.row_s } else { half }).collect()
+        // What is turned but not told is left out.
+        let told = |model: &PlainModel| {
+            let turned = model.parameters(drive);
+            let of = |name: &str| turned.iter().find(|one| one.0 == name).map_or(f64::NAN, |one| one.1);
+            all.iter().map(|(name, ..)| of(name)).collect()
+        };
+        let halves = self.half_widths(told);
+        let widened = halves.into_iter().zip(&all);
+        widened.map(|(half, (name, ..))| if *name == DELAY { half + 0.5 * self.row_s } else { half }).collect()
     }
 
     /// Half-widths of the 90 % intervals of what follows from the model.
@@ -120,17 +131,9 @@ fn turned(model: PlainModel, numbers: &[f64]) -> PlainModel {
             PlainModel::Sum(kind, Plain { lag, zero: numbers[0], half_band, saturates, above_1_s, below_1_s })
         }
         PlainModel::SetPoint(kind, law) => {
-            let mut further = numbers[3..].iter().copied();
-            let delay_s = further.next().unwrap_or(law.delay_s);
-            let mut next = |own: f64, acts: bool| if acts { further.next().unwrap_or(own) } else { own };
-            let [rising_limit, falling_limit] =
-                [law.rising_limit, law.falling_limit].map(|limit| next(limit, limit.is_finite()));
-            let half_play = next(law.half_play, law.half_play > 0.0);
-            let integral_s = next(law.integral_s, law.integral_s.is_finite());
-            let [gain, level, lag_s] = [numbers[0], numbers[1], numbers[2]];
-            let law =
-                SetPoint { gain, level, delay_s, lag_s, rising_limit, falling_limit, half_play, integral_s, ..law };
-            PlainModel::SetPoint(kind, law)
+            let turned =
+                kind.uncertain_parts_of(law).zip(numbers).fold(law, |law, (part, number)| law.with(part, *number));
+            PlainModel::SetPoint(kind, turned)
         }
     }
 }

@@ -20,6 +20,9 @@ const RIDGE: f64 = 1e-9;
 /// How much of what drove it before a free run is looked at, as a share of the run's length: several times any lag that is usual in it.
 pub(crate) const LEAD: f64 = 0.5;
 
+/// The same where it is known, for what remembers longer: a regulator's integral.
+pub(crate) const HISTORY: f64 = 2.0;
+
 /// How what the spool does comes late: as it is but later, and then settling to that.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lag {
@@ -158,7 +161,7 @@ impl Run {
                 continue;
             }
             if k - from > 1 {
-                let lead = from - self.time_s[..from].partition_point(|t| self.time_s[from] - t > LEAD * length_s);
+                let lead = from - self.time_s[..from].partition_point(|t| self.time_s[from] - t > HISTORY * length_s);
                 all.push(Self {
                     before: (from - lead..from)
                         .map(|row| (self.time_s[row] - self.time_s[from], self.spool[row]))

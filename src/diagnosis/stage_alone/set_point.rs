@@ -1,10 +1,12 @@
 //! A set point with lag: the law of a position loop that is known by its command and its position alone.
 //!
-//! `dX/dt = (e + I) / T`, `e = K u(t − d) + c − X`, no faster than a limit each way: gain, level, delay, lag and rate limits (a first-order lag plus dead time:
-//! Åström & Hägglund 2006, *Advanced PID Control*, section 2.6). `dI/dt = e / Tᵢ` is the integral action of a PI regulator, which stands still at a limit
-//! unless it winds up (section 3.5 there). The position follows X behind play, and stops short of where X goes by half of it (the backlash
-//! operator: Tao & Kokotović 1996, *Adaptive Control of Systems with Actuator and Sensor Nonlinearities*, chapter 2); a dead band of the loop does the same.
-//! Gain and level are linear at a delay and a lag; from the best of a grid, and from slower limits with a shorter lag, all are fitted together to free runs.
+//! `V = (e + I) / T + F K du/dt`, `e = K u(t − d) + c − X`, no faster than a limit each way, `dX/dt = V` or, behind a valve's lag, `τ d²X/dt² = V − dX/dt`: gain,
+//! level, delay, lag, rate limits, valve lag and feed-forward of speed (a first-order lag plus dead time: Åström & Hägglund 2006, *Advanced PID Control*, section
+//! 2.6; the valve: Jelali & Kroll 2003, *Hydraulic Servo-systems*, section 4.3). `dI/dt = e / Tᵢ` is the integral action of a PI regulator, which stands still at
+//! a limit unless it winds up (section 3.5 of the former). Derivative action on the position is no part: it lengthens T and shortens τ, and nothing else shows it. The
+//! position follows X behind play, and stops short of where X goes by half of it (the backlash operator: Tao & Kokotović 1996, *Adaptive Control of Systems with
+//! Actuator and Sensor Nonlinearities*, chapter 2); a dead band of the loop does the same. Gain and level are linear at a delay and a lag; from the best of a
+//! grid, and from slower limits with a shorter lag, all are fitted together to free runs.
 
 mod coordinates;
 mod motion;
@@ -13,8 +15,9 @@ mod parts;
 use nalgebra::DVector;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-use self::coordinates::{Axis, LAG_RANGE, Part};
-use self::motion::stretches;
+pub(crate) use self::coordinates::Part;
+use self::coordinates::{Axis, LAG_RANGE};
+use self::motion::{LoopState, stretches};
 use crate::estimation::coordinate::{Judge, Residuals, square, subject_at};
 use crate::estimation::fit::{Effort, Start, fit_all};
 use crate::stage_alone::run::{Lag, Run, SpoolLaw, mean_spool, solved, typical_s};
@@ -58,9 +61,28 @@ pub(crate) struct SetPoint {
     pub integral_s: f64,
     /// Whether the integral goes on at a rate limit.
     pub winds_up: bool,
+    /// Time constant of the valve inside the loop, s.
+    pub valve_s: f64,
+    /// Share of the command's speed that goes to the valve beside what the error asks for.
+    pub forward: f64,
 }
 
 impl SetPoint {
+    /// Nothing moves, and nothing holds what would.
+    const NONE: Self = Self {
+        gain: 0.0,
+        level: 0.0,
+        delay_s: 0.0,
+        lag_s: 0.0,
+        rising_limit: f64::INFINITY,
+        falling_limit: f64::INFINITY,
+        half_play: 0.0,
+        integral_s: f64::INFINITY,
+        winds_up: false,
+        valve_s: 0.0,
+        forward: 0.0,
+    };
+
     /// Position at each sample of a run from its first; the run holds the command in the spool's place.
     pub(crate) fn simulated(&self, run: &Run) -> Vec<f64> {
         let goal = |command: f64| self.gain * command + self.level;
@@ -68,13 +90,13 @@ impl SetPoint {
         // A loop at rest has gone as near to its goal as its play allows.
         let acting = run.before.iter().rev().find(|(time_s, _)| *time_s <= -self.delay_s).or(run.before.first());
         let acting = acting.filter(|_| self.delay_s > 0.0).map_or(run.spool[0], |(_, command)| *command);
-        let mut integral = self.integral_before(run);
-        let mut drive = (goal(acting) + integral).clamp(at - self.half_play, at + self.half_play);
+        let mut state = self.state_before(run);
+        state.at = (goal(acting) + state.integral).clamp(at - self.half_play, at + self.half_play);
         let mut all = vec![at];
         let first = run.before.len() + 1;
         stretches(run, self.delay_s, first..first + run.time_s.len() - 1, |stretch| {
-            [drive, integral] = self.regulated([drive, integral], stretch.ends.map(goal), stretch.length_s);
-            at = at.max(drive - self.half_play).min(drive + self.half_play);
+            state = self.regulated(state, stretch.ends.map(goal), stretch.length_s);
+            at = at.max(state.at - self.half_play).min(state.at + self.half_play);
             if stretch.is_last {
                 all.push(at);
             }
@@ -82,15 +104,16 @@ impl SetPoint {
         all
     }
 
-    /// The integral at the beginning of a run, from what the command did before it: a loop at rest has none.
-    fn integral_before(&self, run: &Run) -> f64 {
+    /// The loop at the beginning of a run, from what the command did before it: at rest at first.
+    fn state_before(&self, run: &Run) -> LoopState {
         let goal = |command: f64| self.gain * command + self.level;
-        let Some((_, command)) = run.before.first().filter(|_| self.integral_s.is_finite()) else { return 0.0 };
-        let mut state = [goal(*command), 0.0];
+        let has_memory = self.integral_s.is_finite() || self.valve_s > 0.0;
+        let Some((_, command)) = run.before.first().filter(|_| has_memory) else { return LoopState::default() };
+        let mut state = LoopState { at: goal(*command), ..LoopState::default() };
         stretches(run, self.delay_s, 1..run.before.len() + 1, |stretch| {
             state = self.regulated(state, stretch.ends.map(goal), stretch.length_s);
         });
-        state[1]
+        state
     }
 
     /// Fits the law with delay, rate limits and play, or as a first-order lag without; none where the command stands still.
@@ -100,14 +123,7 @@ impl SetPoint {
         let runs: Vec<Run> = runs.iter().map(of).filter(|run| run.time_s.len() > 2).collect();
         let linear = Self::linear(&runs, with_limits)?;
         let axes = Axis::all(&runs, &linear, with_limits);
-        let data = FreeRuns { runs: &runs, size: 1.0 };
-        // Squares about as many as there are samples, so that the fit ends where a sample's worth is gained no more.
-        let size_of = |law: &Self| (square(&data.of(law)) / count.max(1) as f64).sqrt();
-        let size = size_of(&linear);
-        if size <= 0.0 {
-            return Some(linear);
-        }
-        let data = FreeRuns { runs: &runs, size };
+        let Some(data) = FreeRuns::beside(&linear, &runs) else { return Some(linear) };
         let speeds = usual_speeds(&runs);
         let starts = &STARTS[..if with_limits { STARTS.len() } else { 1 }];
         let of = |&(limits, lags): &(f64, f64)| Self {
@@ -117,12 +133,10 @@ impl SetPoint {
             ..linear
         };
         let bases: Vec<Self> = starts.iter().map(of).collect();
-        let best = data.fitted(&bases, &axes)?;
-        // With limits far less may be left, of which a sample's worth is less.
-        let data = FreeRuns { runs: &runs, size: size_of(&best).max(f64::MIN_POSITIVE) };
-        let best = data.fitted(&[best], &axes)?;
-        let best = if with_limits { best.with_parts(&data, &axes) } else { best };
-        Some(best.without_idle(&data, &axes))
+        let law = data.fitted(&bases, &axes)?;
+        let law = if with_limits { law.with_parts(&runs, &axes)? } else { law };
+        let Some(data) = FreeRuns::beside(&law, &runs) else { return Some(law) };
+        Some(law.without_idle(&data, &axes))
     }
 
     /// The best on the grid without limits.
@@ -139,10 +153,7 @@ impl SetPoint {
             let best = solved(normals.iter())?;
             let missed: f64 = normals.iter().map(|normal| normal.missed(&best)).sum();
             let (gain, level) = (best[0], best[1] - best[0] * middle);
-            let (rising_limit, falling_limit) = (f64::INFINITY, f64::INFINITY);
-            let (half_play, integral_s, winds_up) = (0.0, f64::INFINITY, false);
-            let law =
-                Self { gain, level, delay_s, lag_s, rising_limit, falling_limit, half_play, integral_s, winds_up };
+            let law = Self { gain, level, delay_s, lag_s, ..Self::NONE };
             (gain.is_finite() && gain != 0.0 && level.is_finite()).then_some((missed, law))
         };
         let found: Vec<(f64, Self)> = grid.par_iter().filter_map(of).collect();
@@ -151,24 +162,12 @@ impl SetPoint {
 
     /// The same without the parts that make no difference: without each in turn, all else is fitted anew.
     fn without_idle(self, data: &FreeRuns<'_>, axes: &[Axis]) -> Self {
-        let parts = [
-            (Part::Integral, LEAST_WORTH),
-            (Part::Play, LEAST_WORTH),
-            (Part::Rising, LEAST_WORTH_OF_LIMITS),
-            (Part::Falling, LEAST_WORTH_OF_LIMITS),
-            (Part::Delay, LEAST_WORTH),
-        ];
         let least = square(&data.of(&self));
         let is_no_worse = |law: &Self, worth: f64| square(&data.of(law)) <= (1.0 + worth).powi(2) * least;
         let mut law = self;
-        for (part, worth) in parts {
-            let other = match part {
-                Part::Integral => Self { integral_s: f64::INFINITY, ..law },
-                Part::Play => Self { half_play: 0.0, ..law },
-                Part::Rising => Self { rising_limit: f64::INFINITY, ..law },
-                Part::Falling => Self { falling_limit: f64::INFINITY, ..law },
-                _ => Self { delay_s: 0.0, ..law },
-            };
+        for part in Part::OPTIONAL {
+            let worth = if part.is_limit() { LEAST_WORTH_OF_LIMITS } else { LEAST_WORTH };
+            let other = law.with(part, Self::NONE.value(part));
             if other == law {
                 continue;
             }
@@ -211,7 +210,14 @@ struct FreeRuns<'a> {
     size: f64,
 }
 
-impl FreeRuns<'_> {
+impl<'a> FreeRuns<'a> {
+    /// By what a law misses: squares about as many as there are samples, so that a fit ends where a sample's worth is gained no more. None where nothing is.
+    fn beside(law: &SetPoint, runs: &'a [Run]) -> Option<Self> {
+        let count: usize = runs.iter().map(|run| run.time_s.len()).sum();
+        let size = (square(&Self { runs, size: 1.0 }.of(law)) / count.max(1) as f64).sqrt();
+        (size > 0.0).then_some(Self { runs, size })
+    }
+
     /// The best fit from several starts.
     fn fitted(&self, bases: &[SetPoint], axes: &[Axis]) -> Option<SetPoint> {
         let axes: Vec<Vec<Axis>> =

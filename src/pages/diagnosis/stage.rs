@@ -98,9 +98,14 @@ fn settling(part: &StageOnly, model: &ComparedModel) -> Option<String> {
     });
     let integral = of("integral time")
         .map_or_else(String::new, |time_s| format!(" and integral action (integral time {} s)", number(time_s)));
+    let valve = of("lag of the valve")
+        .map_or_else(String::new, |time_s| format!(", a lag of {} s of the valve inside the loop", number(time_s)));
+    let forward = of("feed-forward of speed").map_or_else(String::new, |share| {
+        format!(", and {} % of the command's speed fed forward", number(100.0 * share))
+    });
     let limits = if limits.is_empty() { String::new() } else { format!("; it {}", limits.join(" and ")) };
     Some(format!(
-        "{subject} follows {} × {} {sign} {} with {delay}a lag of {} s{integral}{limits}{play} (units of the recordings).",
+        "{subject} follows {} × {} {sign} {} with {delay}a lag of {} s{integral}{valve}{forward}{limits}{play} (units of the recordings).",
         number(gain),
         part.driven_by,
         number(level.abs()),

@@ -9,27 +9,82 @@ pub(super) const LAG_RANGE: (f64, f64) = (1e-3, 10.0);
 const MOST_DELAY: f64 = 0.5;
 /// The most that half of the play may be, as a share of the position's travel: with more, the position would hardly move.
 pub(super) const MOST_PLAY: f64 = 0.25;
+/// The most of the command's speed that goes to the valve beside the error: with more, the position would run ahead of its command.
+const MOST_FORWARD: f64 = 1.5;
 /// Least and greatest integral time, as shares of a run's length.
 const INTEGRAL_RANGE: (f64, f64) = (1e-3, 1e2);
 
-/// What is turned.
+/// The numbers of the law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
+pub(crate) enum Part {
     Gain,
     Level,
     Lag,
     Delay,
+    Integral,
+    Valve,
+    Forward,
+    Play,
     Rising,
     Falling,
-    Play,
-    Integral,
+}
+
+impl Part {
+    /// Those that every law has.
+    const ALWAYS: [Self; 3] = [Self::Gain, Self::Level, Self::Lag];
+    /// The others, what is looked at first for being idle before what is.
+    pub(super) const OPTIONAL: [Self; 7] =
+        [Self::Forward, Self::Integral, Self::Valve, Self::Play, Self::Rising, Self::Falling, Self::Delay];
+
+    pub(super) fn is_limit(self) -> bool {
+        matches!(self, Self::Rising | Self::Falling)
+    }
+
+    /// Whether it is a time, s.
+    pub(crate) fn is_time(self) -> bool {
+        matches!(self, Self::Lag | Self::Delay | Self::Integral | Self::Valve)
+    }
+}
+
+impl SetPoint {
+    /// The numbers that say anything, in the order of reports: what is not there is not turned.
+    pub(crate) fn parts(self) -> impl Iterator<Item = Part> {
+        let of = [Part::Delay, Part::Integral, Part::Valve, Part::Forward, Part::Play, Part::Rising, Part::Falling];
+        let is_there = move |part: &Part| *part == Part::Delay || self.value(*part) != Self::NONE.value(*part);
+        Part::ALWAYS.into_iter().chain(of.into_iter().filter(is_there))
+    }
+
+    fn number(&mut self, part: Part) -> &mut f64 {
+        match part {
+            Part::Gain => &mut self.gain,
+            Part::Level => &mut self.level,
+            Part::Lag => &mut self.lag_s,
+            Part::Delay => &mut self.delay_s,
+            Part::Integral => &mut self.integral_s,
+            Part::Valve => &mut self.valve_s,
+            Part::Forward => &mut self.forward,
+            Part::Play => &mut self.half_play,
+            Part::Rising => &mut self.rising_limit,
+            Part::Falling => &mut self.falling_limit,
+        }
+    }
+
+    pub(crate) fn value(mut self, part: Part) -> f64 {
+        *self.number(part)
+    }
+
+    /// The same with another number.
+    pub(crate) fn with(mut self, part: Part, value: f64) -> Self {
+        *self.number(part) = value;
+        self
+    }
 }
 
 /// One number of the law, in steps of its own.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Axis {
     pub part: Part,
-    /// A step: of gain, level, delay and play in their unit, of the others as a logarithm.
+    /// A step: of limits and of times but the delay as a logarithm, of the others in their unit.
     step: f64,
     /// Between which values, in the number's unit.
     range: (f64, f64),
@@ -38,7 +93,7 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    pub(super) const MOST: usize = 8;
+    pub(super) const MOST: usize = 10;
 
     pub(super) fn all(runs: &[Run], start: &SetPoint, with_limits: bool) -> Vec<Self> {
         let length_s = typical_s(runs);
@@ -52,35 +107,26 @@ impl Axis {
             axis(Part::Lag, 0.2, (LAG_RANGE.0 * length_s, LAG_RANGE.1 * length_s)),
         ];
         if with_limits {
-            axes.push(axis(Part::Delay, 0.02 * length_s, (0.0, MOST_DELAY * length_s)));
-            axes.push(axis(Part::Rising, 0.2, speeds[0]));
-            axes.push(axis(Part::Falling, 0.2, speeds[1]));
-            axes.push(axis(Part::Play, 0.01 * opening, (0.0, MOST_PLAY * opening)));
-            axes.push(axis(Part::Integral, 0.2, (INTEGRAL_RANGE.0 * length_s, INTEGRAL_RANGE.1 * length_s)));
+            axes.extend([
+                axis(Part::Delay, 0.02 * length_s, (0.0, MOST_DELAY * length_s)),
+                axis(Part::Rising, 0.2, speeds[0]),
+                axis(Part::Falling, 0.2, speeds[1]),
+                axis(Part::Play, 0.01 * opening, (0.0, MOST_PLAY * opening)),
+                axis(Part::Integral, 0.2, (INTEGRAL_RANGE.0 * length_s, INTEGRAL_RANGE.1 * length_s)),
+                axis(Part::Valve, 0.2, (LAG_RANGE.0 * length_s, LAG_RANGE.1 * length_s)),
+                axis(Part::Forward, 0.05, (0.0, MOST_FORWARD)),
+            ]);
         }
         axes
     }
 
-    /// Whether it turns anything from there: a limit that is never reached does not, nor play or integral action that is not there.
+    /// Whether it turns anything from there: what is not there does not, nor a limit that is never reached.
     pub(super) fn acts(&self, base: &SetPoint) -> bool {
-        self.value(base).is_finite() && (self.part != Part::Play || base.half_play > 0.0)
-    }
-
-    fn value(&self, law: &SetPoint) -> f64 {
-        match self.part {
-            Part::Gain => law.gain,
-            Part::Level => law.level,
-            Part::Lag => law.lag_s,
-            Part::Delay => law.delay_s,
-            Part::Rising => law.rising_limit,
-            Part::Falling => law.falling_limit,
-            Part::Play => law.half_play,
-            Part::Integral => law.integral_s,
-        }
+        base.parts().any(|part| part == self.part)
     }
 
     fn is_logarithmic(&self) -> bool {
-        matches!(self.part, Part::Lag | Part::Rising | Part::Falling | Part::Integral)
+        self.part.is_limit() || (self.part.is_time() && self.part != Part::Delay)
     }
 }
 
@@ -88,7 +134,7 @@ impl Coordinate for Axis {
     type Subject = SetPoint;
 
     fn range(&self, base: &SetPoint) -> (f64, f64) {
-        let value = self.value(base);
+        let value = base.value(self.part);
         let place =
             |end: f64| if self.is_logarithmic() { (end / value).ln() / self.step } else { (end - value) / self.step };
         (place(self.range.0).min(0.0), place(self.range.1).max(0.0))
@@ -100,18 +146,15 @@ impl Coordinate for Axis {
 
     fn turn(&self, base: &SetPoint, law: &mut SetPoint, position: f64) {
         let by = self.step * position;
+        let value = base.value(self.part);
         match self.part {
             Part::Gain => {
-                law.gain = base.gain + by;
+                law.gain = value + by;
                 law.level -= by * self.middle;
             }
             Part::Level => law.level += by,
-            Part::Lag => law.lag_s = base.lag_s * by.exp(),
-            Part::Delay => law.delay_s = (base.delay_s + by).max(0.0),
-            Part::Rising => law.rising_limit = base.rising_limit * by.exp(),
-            Part::Falling => law.falling_limit = base.falling_limit * by.exp(),
-            Part::Play => law.half_play = (base.half_play + by).max(0.0),
-            Part::Integral => law.integral_s = base.integral_s * by.exp(),
+            part if self.is_logarithmic() => *law.number(part) = value * by.exp(),
+            part => *law.number(part) = (value + by).max(0.0),
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::stage_alone::run::{Run, settled};
 
 /// Changes between moving at a limit and settling that there can be over one stretch.
 const PHASES: usize = 4;
-/// Longest step of the integral, as a share of the lag, and most steps in a stretch.
+/// Longest step of integral and valve, as a share of the lag, and most steps in a stretch.
 const INTEGRAL_STEP: f64 = 0.25;
 const INTEGRAL_STEPS: f64 = 16.0;
 
@@ -60,29 +60,59 @@ pub(super) fn stretches(run: &Run, delay_s: f64, rows: Range<usize>, mut on_stre
     }
 }
 
+/// What the loop remembers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct LoopState {
+    /// Where what drives the position stands.
+    pub at: f64,
+    /// The regulator's integral, in the position's unit.
+    pub integral: f64,
+    /// How fast the valve lets it move.
+    pub speed: f64,
+}
+
 impl SetPoint {
-    /// Where what drives the position and the regulator's integral stand after a time over which the goal runs straight.
+    /// The loop after a time over which the goal runs straight.
     ///
-    /// In steps that are short beside the lag the integral counts as straight (Heun's method), and the drive is exact.
-    pub(super) fn regulated(&self, [mut at, mut integral]: [f64; 2], [goal, end]: [f64; 2], length_s: f64) -> [f64; 2] {
-        if self.integral_s.is_infinite() || length_s <= 0.0 {
-            return [self.driven(at, [goal, end], length_s), integral];
+    /// In steps that are short beside the lag the integral, and what a valve is asked for, count as straight (Heun's method); the rest is exact.
+    pub(super) fn regulated(&self, mut state: LoopState, [goal, end]: [f64; 2], length_s: f64) -> LoopState {
+        let forward = if length_s > 0.0 { self.forward * (end - goal) / length_s } else { 0.0 };
+        if (self.integral_s.is_infinite() && self.valve_s <= 0.0) || length_s <= 0.0 {
+            let ends = [goal, end].map(|goal| goal + self.lag_s * forward);
+            return LoopState { at: self.driven(state.at, ends, length_s), ..state };
         }
         let count = (length_s / (INTEGRAL_STEP * self.lag_s)).ceil().clamp(1.0, INTEGRAL_STEPS);
-        let share = length_s / count / self.integral_s;
+        let step_s = length_s / count;
+        let wanted = |ahead: f64, integral: f64| (ahead + integral) / self.lag_s + forward;
+        let limited = |speed: f64| speed.min(self.rising_limit).max(-self.falling_limit);
         let mut k = 0.0;
         while k < count {
             let ends = [k, k + 1.0].map(|k| goal + (end - goal) * k / count);
-            let ahead = ends[0] - at;
-            let speed = (ahead + integral) / self.lag_s;
-            let winds = self.winds_up || (speed <= self.rising_limit && speed >= -self.falling_limit);
-            let share = if winds { share } else { 0.0 };
-            let middle = integral + 0.5 * share * ahead;
-            at = self.driven(at, ends.map(|goal| goal + middle), length_s / count);
-            integral += 0.5 * share * (ahead + ends[1] - at);
+            let ahead = ends[0] - state.at;
+            let speed = wanted(ahead, state.integral);
+            let winds = self.winds_up || speed == limited(speed);
+            let share = if winds { 0.5 * step_s / self.integral_s } else { 0.0 };
+            let middle = state.integral + share * ahead;
+            if self.valve_s > 0.0 {
+                let asked = limited(speed);
+                let there = self.behind_valve(state, [asked; 2], step_s);
+                let ahead = ends[1] - there.at;
+                let end = limited(wanted(ahead, middle + share * ahead));
+                state = self.behind_valve(state, [asked, end], step_s);
+            } else {
+                state.at = self.driven(state.at, ends.map(|goal| goal + middle + self.lag_s * forward), step_s);
+            }
+            state.integral = middle + share * (ends[1] - state.at);
             k += 1.0;
         }
-        [at, integral]
+        state
+    }
+
+    /// The same after a time over which what the valve is asked for runs straight: `τ dv/dt = u − v`, and so `∫ v = ∫ u − τ Δv`.
+    fn behind_valve(&self, state: LoopState, asked: [f64; 2], length_s: f64) -> LoopState {
+        let speed = settled(state.speed, asked, length_s, self.valve_s);
+        let moved = 0.5 * length_s * (asked[0] + asked[1]) - self.valve_s * (speed - state.speed);
+        LoopState { at: state.at + moved, speed, ..state }
     }
 
     /// Where what drives the position stands after a time over which its goal runs straight: at a limit as far as that binds, else settling.
@@ -134,17 +164,7 @@ impl SetPoint {
 mod tests {
     use super::*;
 
-    const LAW: SetPoint = SetPoint {
-        gain: 1.0,
-        level: 0.0,
-        delay_s: 0.0,
-        lag_s: 0.3,
-        rising_limit: 0.25,
-        falling_limit: 0.4,
-        half_play: 0.0,
-        integral_s: f64::INFINITY,
-        winds_up: false,
-    };
+    const LAW: SetPoint = SetPoint { gain: 1.0, lag_s: 0.3, rising_limit: 0.25, falling_limit: 0.4, ..SetPoint::NONE };
 
     /// The same by many small steps.
     fn slowly(mut at: f64, [from, to]: [f64; 2], length_s: f64) -> f64 {

@@ -1,4 +1,4 @@
-//! Parts of the law that are there only where they pay for themselves between pieces: play, and integral action.
+//! Parts of the law that are there only where they pay for themselves between pieces: play, integral action, the valve's lag, feed-forward.
 
 use super::coordinates::{Axis, MOST_PLAY};
 use super::{FreeRuns, SetPoint};
@@ -12,18 +12,26 @@ use crate::stage_alone::spread::is_gain;
 const PLAYS: [f64; 5] = [0.005, 0.01, 0.02, 0.04, 0.08];
 /// Integral times that a fit may begin from, as shares of a run's length.
 const INTEGRALS: [f64; 4] = [0.05, 0.15, 0.5, 1.5];
+/// Lags of the valve that a fit may begin from, as shares of the loop's, each with the delay as it is and as much shorter.
+const VALVES: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
+/// Shares of the command's speed that a fit may begin from.
+const FORWARDS: [f64; 3] = [0.2, 0.5, 0.9];
 
 impl SetPoint {
     /// The same with the parts that pay, the one that gains most first: fitted to every second run, it must predict the others better.
-    pub(super) fn with_parts(mut self, data: &FreeRuns<'_>, axes: &[Axis]) -> Self {
-        let parts: [fn(Self, &FreeRuns<'_>) -> Vec<Self>; 2] = [Self::with_play, Self::with_integral];
+    pub(super) fn with_parts(mut self, runs: &[Run], axes: &[Axis]) -> Option<Self> {
+        let parts: [fn(Self, &FreeRuns<'_>) -> Vec<Self>; 4] =
+            [Self::with_play, Self::with_integral, Self::with_valve, Self::with_forward];
         let mut left = parts.to_vec();
         loop {
+            let Some(data) = FreeRuns::beside(&self, runs) else { return Some(self) };
+            // With a part more far less may be left, of which a sample's worth is less.
+            self = data.fitted(&[self], axes)?;
             let paying = left.iter().enumerate().filter_map(|(place, part)| {
-                let (gain, law) = self.paying(&part(self, data), data, axes)?;
+                let (gain, law) = self.paying(&part(self, &data), &data, axes)?;
                 Some((place, gain, law))
             });
-            let Some((place, _, law)) = paying.max_by(|a, b| a.1.total_cmp(&b.1)) else { return self };
+            let Some((place, _, law)) = paying.max_by(|a, b| a.1.total_cmp(&b.1)) else { return Some(self) };
             left.remove(place);
             self = law;
         }
@@ -43,6 +51,27 @@ impl SetPoint {
             best(INTEGRALS.map(|share| Self { integral_s: share * length_s, winds_up, ..self }), data)
         };
         ways.iter().flat_map(of).collect()
+    }
+
+    /// The same behind a valve's lag, of which the delay may have held a part.
+    fn with_valve(self, data: &FreeRuns<'_>) -> Vec<Self> {
+        let of = |is_delayed: bool| {
+            let starts = VALVES.map(|share| {
+                let valve_s = share * self.lag_s;
+                Self {
+                    valve_s,
+                    delay_s: if is_delayed { self.delay_s } else { (self.delay_s - valve_s).max(0.0) },
+                    ..self
+                }
+            });
+            best(starts, data)
+        };
+        [true, false].into_iter().flat_map(of).collect()
+    }
+
+    /// The same with a share of the command's speed beside the error.
+    fn with_forward(self, data: &FreeRuns<'_>) -> Vec<Self> {
+        best(FORWARDS.map(|forward| Self { forward, ..self }), data)
     }
 
     /// The best fit from some starts, and how much better it predicts what it was not fitted to, where it does.

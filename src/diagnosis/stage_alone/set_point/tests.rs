@@ -9,9 +9,7 @@ const LOOP: SetPoint = SetPoint {
     lag_s: 0.35,
     rising_limit: 0.25,
     falling_limit: 0.18,
-    half_play: 0.0,
-    integral_s: f64::INFINITY,
-    winds_up: false,
+    ..SetPoint::NONE
 };
 
 fn random(seed: u64) -> impl FnMut() -> f64 {
@@ -92,11 +90,11 @@ fn play_is_found_where_it_is_in_any_unit_and_clock() {
     }
 }
 
-/// Positions of a PI loop, by many small steps of its own: a proportional gain and an integral of the error, a speed limit each way.
-fn pi_loop(seed: u64, integral_s: f64, [rising, falling]: [f64; 2], winds_up: bool) -> Vec<Run> {
+/// Positions of a PI loop, by many small steps of its own: a proportional gain and an integral of the error, a speed limit each way, a valve's lag.
+fn pi_loop(seed: u64, integral_s: f64, [rising, falling]: [f64; 2], winds_up: bool, valve_s: f64) -> Vec<Run> {
     let mut run = run_of(seed);
     let (lag_s, steps) = (0.3, 40);
-    let (mut at, mut sum, mut opening) = (0.5, 0.0, vec![0.5]);
+    let (mut at, mut sum, mut valve, mut opening) = (0.5, 0.0, 0.0, vec![0.5]);
     for pair in run.spool.windows(2) {
         for _ in 0..steps {
             let (error, step_s) = (pair[0] - at, 0.02 / f64::from(steps));
@@ -105,7 +103,8 @@ fn pi_loop(seed: u64, integral_s: f64, [rising, falling]: [f64; 2], winds_up: bo
             if winds_up || speed == wanted {
                 sum += step_s * error;
             }
-            at += step_s * speed;
+            valve += if valve_s > 0.0 { step_s / valve_s * (speed - valve) } else { speed - valve };
+            at += step_s * valve;
         }
         opening.push(at);
     }
@@ -117,18 +116,23 @@ fn pi_loop(seed: u64, integral_s: f64, [rising, falling]: [f64; 2], winds_up: bo
 }
 
 #[test]
-fn integral_action_is_found_where_it_is_with_and_without_limits() {
+fn integral_action_and_a_valves_lag_are_found_where_they_are_with_and_without_limits() {
     let free = [f64::INFINITY; 2];
-    for (seed, integral_s, limits, winds_up) in
-        [(1, 1.0, free, false), (2, 3.0, free, false), (3, 1.5, [0.4, 0.3], false), (4, 1.5, [0.4, 0.3], true)]
-    {
-        let found = SetPoint::fitted(&pi_loop(seed, integral_s, limits, winds_up), true).unwrap();
+    for (seed, integral_s, limits, winds_up, valve_s) in [
+        (1, 1.0, free, false, 0.0),
+        (3, 1.5, [0.4, 0.3], false, 0.0),
+        (4, 1.5, [0.4, 0.3], true, 0.0),
+        (5, 1.0, free, false, 0.1),
+        (7, 1.5, [0.4, 0.3], true, 0.15),
+    ] {
+        let found = SetPoint::fitted(&pi_loop(seed, integral_s, limits, winds_up, valve_s), true).unwrap();
         let near = |found: f64, wanted: f64, share: f64| (found / wanted - 1.0).abs() < share;
         assert!(near(found.gain, 1.0, 0.005) && near(found.integral_s, integral_s, 0.1), "{found:?}");
         assert!(near(found.lag_s, 0.3, 0.1) && found.half_play == 0.0, "{found:?}");
         assert!(limits[0].is_infinite() || found.winds_up == winds_up, "{found:?}");
+        assert!(if valve_s > 0.0 { near(found.valve_s, valve_s, 0.1) } else { found.valve_s < 0.03 }, "{found:?}");
     }
-    for seed in 5..9 {
+    for seed in 5..7 {
         let found = SetPoint::fitted(&recorded(LOOP, seed), true).unwrap();
         assert!(found.integral_s.is_infinite(), "a proportional loop has none: {found:?}");
     }
