@@ -149,7 +149,8 @@ fn the_ends_of_every_effects_range_are_read() {
         for parameter in spec.parameters {
             for end in [parameter.min, parameter.max] {
                 let text = format!("effects: {{{}: {{{}: {end:?}}}}}", spec.id, parameter.name);
-                assert_eq!(load(&text).map(|unit| unit.effects.len()), Ok(1), "{text}");
+                let unit = load(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
+                assert_eq!(unit.effects.len(), 1, "{text}");
             }
         }
     }
