@@ -60,14 +60,8 @@ struct Tried {
     figures: [Option<Figures>; 2],
 }
 
-/// Effects that may look like another time, with the value of their parameter at so many steps.
-const EFFECTS: [(&str, fn(f64) -> f64); 3] = [
-    ("lvdt_gain", |steps| STEP.powf(steps)),
-    ("supply_loss", |steps| LINE_LOSS * steps),
-    ("return_loss", |steps| LINE_LOSS * steps),
-];
-/// The greatest loss of a line in the catalogue, Pa s2/m6, as a step of those that are tried.
-const LINE_LOSS: f64 = 5e10 / MOST_STEPS;
+/// Effects that may look like another time: a gain is tried like a scale, a loss up to the greatest of the catalogue.
+const EFFECTS: [&str; 3] = ["lvdt_gain", "supply_loss", "return_loss"];
 /// Another time is the reason where it leaves so much of the squared error that any effect leaves, at most.
 const CLEAR: f64 = 0.5;
 
@@ -121,7 +115,7 @@ impl TimeScale {
             let remains = if sum.is_finite() && count > 0.0 { sum / count } else { f64::INFINITY };
             Tried { steps, remains, figures: found }
         };
-        let best = least(own.clone(), &|steps| at(figures(&twin, frames, STEP.powf(steps)), steps));
+        let best = least(own, &|steps| at(figures(&twin, frames, STEP.powf(steps)), steps));
         let Tried { steps, remains, figures: found } = best;
         let factor = STEP.powf(steps);
         let follows = found.iter().flatten().all(|figures| figures.r2 >= 1.0 - DOUBTFUL);
@@ -130,14 +124,18 @@ impl TimeScale {
         if !scale.is_other() && !scale.is_near() {
             return Some(scale);
         }
-        let by_effect = EFFECTS.map(|(id, value)| {
+        let by_effect = EFFECTS.map(|id| {
+            let with = |steps: f64| {
+                let parameter = find(id)?.parameters.first()?.on(&unit.parameters);
+                let is_gain = parameter.neutral > 0.0;
+                let value = if is_gain { STEP.powf(steps) } else { parameter.max * steps / MOST_STEPS };
+                unit.clone().with_effect(id, &[(parameter.name, value)]).ok()
+            };
             let tried = |steps: f64| {
-                let parameter = find(id).and_then(|spec| spec.parameters.first());
-                let changed = parameter.map(|one| unit.clone().with_effect(id, &[(one.name, value(steps))]));
-                let found = changed.and_then(Result::ok).map(|unit| figures(&Twin::new(&unit), frames, 1.0));
+                let found = with(steps).map(|unit| figures(&Twin::new(&unit), frames, 1.0));
                 at(found.unwrap_or_default(), steps)
             };
-            least(own.clone(), &tried).remains
+            least(own, &tried).remains
         });
         Some(Self { by_effect: by_effect.into_iter().fold(f64::INFINITY, f64::min), ..scale })
     }

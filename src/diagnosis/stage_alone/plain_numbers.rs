@@ -58,13 +58,12 @@ impl PlainNumbers {
                 let of = |part: Part| {
                     let value = law.value(part);
                     match part {
-                        Part::Gain | Part::Rising | Part::Falling => free(value, value),
                         Part::Level => free(value, opening),
                         Part::Play => positive(value, opening.min(value / STEP * 0.5)),
                         Part::Forward => positive(value, 1.0),
                         // One that is not there is turned from where it is, where the law is integrated in the same way.
                         Part::Valve if value <= 0.0 => (value, UNSEEN.map(|share| share * law.lag_s)),
-                        Part::Integral | Part::Valve => free(value, value),
+                        Part::Gain | Part::Rising | Part::Falling | Part::Integral | Part::Valve => free(value, value),
                         Part::Lag | Part::Delay => positive(value, length_s),
                     }
                 };

@@ -24,11 +24,10 @@ pub(in crate::import) trait TableRecords {
     fn tag(&self, column: usize) -> Option<Cow<'_, str>> {
         let written = self.text_of(column);
         let tag: Cow<'_, str> = match (self.value(column), written) {
-            (ChannelValue::Missing, _) => return None,
+            (ChannelValue::Missing, _) | (ChannelValue::Time(_) | ChannelValue::Local(_), None) => return None,
             (_, Some(text)) | (ChannelValue::Text(text), None) => text.trim().into(),
             (ChannelValue::Number(number), None) => number.to_string().into(),
             (ChannelValue::Whole(number), None) => number.to_string().into(),
-            (ChannelValue::Time(_) | ChannelValue::Local(_), None) => return None,
         };
         (!tag.is_empty()).then_some(tag)
     }
