@@ -243,24 +243,3 @@ fn a_valve_of_two_levels_and_a_speed_are_told_apart() {
     assert_eq!(found.pairs[0].what, "has as its speed");
     assert!(found.open.iter().any(|open| open.contains("is the speed of `x` itself")), "{:?}", found.open);
 }
-
-#[test]
-fn two_columns_that_have_nothing_to_do_with_each_other_are_proposed_and_asked_about() {
-    // The position belongs to another movement than the valve, as of another machine.
-    let rows = stage(2400);
-    let of_head = |head: &str| {
-        let text =
-            rows.iter().zip(rows.iter().rev().step_by(2)).enumerate().fold(head.to_owned(), |text, (k, pair)| {
-                text + &format!("{},{},{}\n", k as f64 * 0.01, pair.0[0], pair.1[1])
-            });
-        file("two.csv", &text)
-    };
-    let (_folder, path) = of_head("time [s],valve [V],position [mm]\n");
-    let found = of(&path);
-    let wanted = [(Target::SpoolPosition, "valve [V]".into()), (Target::ServomotorPosition, "position [mm]".into())];
-    assert_eq!(places(&found), wanted, "{:?}", found.open);
-    assert!(found.open.iter().any(|open| open.contains("make sure that they are of one machine")), "{:?}", found.open);
-    // Names of other quantities stay out.
-    let (_folder, path) = of_head("time [s],power [MW],temperature [°C]\n");
-    assert!(places(&of(&path)).is_empty());
-}

@@ -6,7 +6,7 @@ use super::machines::{machines, two_machines};
 use super::names::score;
 use super::propose::{rounded, signal};
 use super::relations::{Relation, WEAKEST, pairs, relations};
-use super::trio::{best_trio, by_name_alone};
+use super::trio::best_trio;
 use super::trip::{TripSign, sign_of_trip};
 use crate::import::convert::{is_travel, pressure, share};
 use crate::import::map::{Map, SignalMap, SignalPlace};
@@ -79,7 +79,6 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
     open.extend(several_machines(&columns, &chosen));
     open.extend(competing(&columns, &related, &relations, &chosen));
     open.extend(by_course_alone(&columns, &chosen));
-    open.extend(unrelated(&columns, &chosen));
     let (pairs, speed) =
         pairs(&columns, &related, &relations, [of(Target::ServomotorPosition), of(Target::SpoolPosition)]);
     open.extend(speed);
@@ -123,11 +122,7 @@ fn choose(columns: &[SuggestedColumn], own: &Evidence, allowed: &dyn Fn(usize) -
         _ => score(column, target),
     };
     let may_drive = |column: usize, by: f64| !columns[column].is_binary() || by.abs() >= TWO_STATES.0;
-    let mut best = best_trio(&related, &relations, &of_trio, &may_drive);
-    if best[1..].iter().all(Option::is_none) {
-        let found = by_name_alone(&related, &score);
-        best = if found[1].is_some() { found } else { best };
-    }
+    let best = best_trio(&related, &relations, &of_trio, &may_drive);
     for (target, found) in trio.into_iter().zip(best) {
         let Some((at, sum, words)) = found else { continue };
         let mut why = own[related[at]][target.place()].1.clone();
@@ -225,17 +220,6 @@ fn by_course_alone(columns: &[SuggestedColumn], chosen: &[Choice]) -> Option<Str
         "opening_command: `{}` was chosen by its course alone, as `{}` comes after it; make sure that it is a command",
         columns[command].name,
         columns[of(Target::ServomotorPosition)?].name
-    ))
-}
-
-/// A servomotor and its spool of which neither courses nor names say enough.
-fn unrelated(columns: &[SuggestedColumn], chosen: &[Choice]) -> Option<String> {
-    let of = |target: Target| chosen[target.place()].as_ref().map(|(column, sum, _)| (&columns[*column].name, *sum));
-    let (servomotor, _) = of(Target::ServomotorPosition)?;
-    let (spool, _) = of(Target::SpoolPosition).filter(|(_, sum)| *sum < ENOUGH)?;
-    Some(format!(
-        "spool_position: by their courses `{spool}` does not move `{servomotor}`; both were taken because nothing else in the file moves; make sure \
-         that they are of one machine"
     ))
 }
 

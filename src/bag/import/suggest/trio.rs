@@ -91,20 +91,3 @@ pub(super) fn best_trio(
         choice(command, Target::OpeningCommand, by_follow, [follow_words, None]),
     ]
 }
-
-/// A position by its name, however little that says, and what drives it, where two columns are all that moves: whether it does a diagnosis will tell.
-pub(super) fn by_name_alone(related: &[usize], score: &dyn Fn(usize, Target) -> f64) -> [Choice; 3] {
-    let none = [None, None, None];
-    if related.len() != 2 {
-        return none;
-    }
-    let of = |at: usize, target: Target| score(related[at], target);
-    let called = [0, 1].map(|at| of(at, Target::ServomotorPosition));
-    let (position, drive) = if called[0] > called[1] { (0, 1) } else { (1, 0) };
-    let sum = of(drive, Target::SpoolPosition);
-    if called[position] <= 0.0 || sum < 0.0 {
-        return none;
-    }
-    let words = vec!["the only other column that moves".to_owned()];
-    [Some((position, called[position], Vec::new())), Some((drive, sum, words)), None]
-}
