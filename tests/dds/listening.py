@@ -18,7 +18,7 @@ import sys
 import time
 
 from bench import BEST_EFFORT, DOMAIN, FAILED, RELIABLE, DataReader, DataWriter, DomainParticipant, Topic, check, matched, wait_for, whole
-from record import LATCHED, Diagnostics
+from record import LATCHED
 import types_ros as ros
 
 try:
@@ -70,7 +70,7 @@ class Plant:
         self.participant = DomainParticipant(DOMAIN)
         self.topics = {name: Topic(self.participant, f"rt{name}", kind) for name, kind in TOPICS.items()}
         self.writers = {name: DataWriter(self.participant, topic, qos=RELIABLE) for name, topic in self.topics.items()}
-        self.diagnostics = DataReader(self.participant, Topic(self.participant, "rt/diagnostics", Diagnostics), qos=BEST_EFFORT)
+        self.diagnostics = DataReader(self.participant, Topic(self.participant, "rt/diagnostics", ros.DiagnosticArray), qos=BEST_EFFORT)
         self.clock_ns = 1_800_000_000 * 10**9
 
     def verdicts(self):

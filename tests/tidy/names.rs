@@ -22,6 +22,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/bag/chain.rs", "positions in pu and speeds in pu/s, sums of both"),
     ("src/bag/chain/", "positions in pu and speeds in pu/s, sums of both"),
     ("src/bag/channel.rs", "numbers of any channel, in the unit of its signal"),
+    ("src/bag/correlation.rs", "numbers of any two channels, in the units of their signals"),
     ("src/bag/evidence.rs", "numbers of any channel, in the unit of its signal"),
     ("src/bag/import/", "values are in the unit that a map states for them"),
     ("src/bag/msg.rs", "names are those of the messages, which state the units"),
