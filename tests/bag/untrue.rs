@@ -117,6 +117,7 @@ fn every_defect_by_its_kind() {
     for ((kind, command), counts) in &table {
         println!("| {kind} | `{command}` | {} |", counts.map(|count| count.to_string()).join(" | "));
     }
+    // A fault above 50 % and a defect that passes are what must not be.
     assert!(table.values().all(|counts| counts[3] + counts[4] == 0));
 }
 
@@ -149,6 +150,17 @@ fn what_is_off_by_a_fifth_passes_no_acceptance() {
     }
     let (code, said, told) = changed(1.0, 1.3);
     assert!(code == 3 && said.contains("or a loss of oil flow slows both"), "{code} {said} {told}");
+}
+
+/// Practice unit 5 has a spool transducer with an offset.
+#[test]
+fn a_scaled_spool_is_known_beside_an_offset_of_its_transducer() {
+    let mut rows = frames("practice/case_05/load_increase.mcap");
+    rows.iter_mut().for_each(|row| row.measured.spool_position_pu *= 2.0);
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("one.mcap"), bag_of(&rows).bytes(WriteOptions::new())).unwrap();
+    let (code, _, told) = run("accept", &["--measure-only"], folder.path());
+    assert!(code == 1 && told.contains("reads 2.00 times what the sheet's regulator asks for"), "{code} {told}");
 }
 
 /// Nothing makes a unit faster, no sheet is wrong by a factor of five, and no loss of oil flow slows a whole rejection by two.

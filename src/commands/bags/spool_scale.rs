@@ -4,6 +4,7 @@
 //! A regulator of another gain moves the servomotor with the spool, and a loss of oil flow leaves the spool where the regulator wants it, as a
 //! transducer of another gain does as long as the spool is off its stops. Only what is recorded on another scale shows in both, by factors that cancel.
 
+use govtwin_model::frame::Estimate;
 use govtwin_model::metrics::Figures;
 use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
 use govtwin_model::recording::Recording;
@@ -23,6 +24,8 @@ const SIGMAS: f64 = 4.0;
 const NOTED: f64 = 1.15;
 /// A spool that is asked to stand nearer to neutral, pu, is off its stops, also where its transducer reads half or twice.
 const OFF_STOPS_PU: f64 = 0.4;
+/// A step of the spool's offset, pu: that of a transducer that is a little off.
+const OFFSET_PU: f64 = 0.01;
 /// The squared correlation of the recorded spool with that of the sheet's regulator: less is no matter of scale.
 const TOGETHER: f64 = 0.75;
 
@@ -75,12 +78,26 @@ fn within_tolerance(unit: &Unit) -> f64 {
     }
 }
 
-/// Figures of the servomotor that the recorded spool drives, divided by a factor.
+/// Figures of the servomotor that the recorded spool drives, divided by a factor and less the offset that suits it best: a transducer may have one beside its
+/// scale. What the servomotor does is linear in it, off its stops.
 fn driven(recording: &Recording, unit: &Unit, factor: f64) -> Figures {
-    let mut divided = recording.clone();
-    for frame in &mut divided.frames {
-        frame.measured.spool_position_pu /= factor;
-    }
-    let estimates = simulate(&mut Twin::new(unit).with_cut(Cut::Spool), &divided);
+    let with = |offset_pu: f64| {
+        let mut changed = recording.clone();
+        for frame in &mut changed.frames {
+            frame.measured.spool_position_pu = frame.measured.spool_position_pu / factor - offset_pu;
+        }
+        simulate(&mut Twin::new(unit).with_cut(Cut::Spool), &changed)
+    };
+    let servomotor = |estimate: &Estimate| Signal::ServomotorPosition.of(&estimate.signals);
+    let [without, shifted] = [0.0, OFFSET_PU].map(with);
+    let missed = recording.frames.iter().map(|frame| Signal::ServomotorPosition.of(&frame.measured));
+    let moved = without.iter().zip(&shifted).map(|(a, b)| (servomotor(a), (servomotor(b) - servomotor(a)) / OFFSET_PU));
+    let [products, squares] = missed
+        .zip(moved)
+        .filter(|(measured, _)| measured.is_finite())
+        .fold([0.0; 2], |[products, squares], (measured, (at, slope))| {
+            [products + (measured - at) * slope, squares + slope * slope]
+        });
+    let estimates = if squares > 0.0 { with(products / squares) } else { without };
     Scores::of(recording, &estimates).figures(Signal::ServomotorPosition)
 }
