@@ -4,6 +4,7 @@
 //! A regulator of another gain moves the servomotor with the spool, and a loss of oil flow leaves the spool where the regulator wants it, as a
 //! transducer of another gain does as long as the spool is off its stops. Only what is recorded on another scale shows in both, by factors that cancel.
 
+use govtwin_model::effects::find;
 use govtwin_model::frame::Estimate;
 use govtwin_model::metrics::Figures;
 use govtwin_model::parameters::{ENTRIES, Tolerance, Unit};
@@ -78,8 +79,8 @@ fn within_tolerance(unit: &Unit) -> f64 {
     }
 }
 
-/// Figures of the servomotor that the recorded spool drives, divided by a factor and less the offset that suits it best: a transducer may have one beside its
-/// scale. What the servomotor does is linear in it, off its stops.
+/// Figures of the servomotor that the recorded spool drives, divided by a factor and less the offset that suits it best: a transducer may have one beside
+/// its scale, no larger than twice a typical one: a larger one leaves little that its scale could tell. What the servomotor does is linear in it, off its stops.
 fn driven(recording: &Recording, unit: &Unit, factor: f64) -> Figures {
     let with = |offset_pu: f64| {
         let mut changed = recording.clone();
@@ -98,6 +99,10 @@ fn driven(recording: &Recording, unit: &Unit, factor: f64) -> Figures {
         .fold([0.0; 2], |[products, squares], (measured, (at, slope))| {
             [products + (measured - at) * slope, squares + slope * slope]
         });
-    let estimates = if squares > 0.0 { with(products / squares) } else { without };
-    Scores::of(recording, &estimates).figures(Signal::ServomotorPosition)
+    let most = find("lvdt_bias").and_then(|spec| spec.parameters.first()).map_or(0.0, |offset| 2.0 * offset.typical);
+    let figures = |estimates: &[Estimate]| Scores::of(recording, estimates).figures(Signal::ServomotorPosition);
+    let best = (products / squares).clamp(-most, most);
+    // Near its stops the servomotor is not linear in it, so that none may do better.
+    let [own, less] = [figures(&without), figures(&with(if best.is_finite() { best } else { 0.0 }))];
+    if less.rmse < own.rmse { less } else { own }
 }
