@@ -314,8 +314,7 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, reading: Reading) ->
         let scaled =
             scale.filter(|scale| is_other_time || scale.is_other()).map(|scale| scale.words(!(agree || is_other_time)));
         let position = position.or_else(|| taken.as_ref().ok().filter(can_tell).and_then(also));
-        let near = scale.and_then(|scale| scale.doubt());
-        let near = near.filter(|_| !is_other_time);
+        let near = scale.filter(|_| !is_other_time).and_then(|scale| scale.doubt());
         let noted = near.iter().chain(&spool).filter(|doubt| doubt.is_note());
         notes.extend(noted.map(|doubt| format!("{name}: {}", doubt.words)));
         let spool = spool.filter(Doubt::refuses).map(|doubt| doubt.words);

@@ -80,7 +80,7 @@ fn within_tolerance(unit: &Unit) -> f64 {
 }
 
 /// Figures of the servomotor that the recorded spool drives, divided by a factor and less the offset that suits it best: a transducer may have one beside
-/// its scale, no larger than twice a typical one: a larger one leaves little that its scale could tell. What the servomotor does is linear in it, off its stops.
+/// its scale. It is twice a typical one at most, as a larger one leaves little for a scale to tell. Off its stops the servomotor is linear in it.
 fn driven(recording: &Recording, unit: &Unit, factor: f64) -> Figures {
     let with = |offset_pu: f64| {
         let mut changed = recording.clone();
@@ -101,8 +101,11 @@ fn driven(recording: &Recording, unit: &Unit, factor: f64) -> Figures {
         });
     let most = find("lvdt_bias").and_then(|spec| spec.parameters.first()).map_or(0.0, |offset| 2.0 * offset.typical);
     let figures = |estimates: &[Estimate]| Scores::of(recording, estimates).figures(Signal::ServomotorPosition);
-    let best = (products / squares).clamp(-most, most);
-    // Near its stops the servomotor is not linear in it, so that none may do better.
-    let [own, less] = [figures(&without), figures(&with(if best.is_finite() { best } else { 0.0 }))];
+    let own = figures(&without);
+    if squares <= 0.0 {
+        return own;
+    }
+    let less = figures(&with((products / squares).clamp(-most, most)));
+    // At its stops the servomotor is not linear in it, so that none may do better.
     if less.rmse < own.rmse { less } else { own }
 }

@@ -121,7 +121,7 @@ impl TimeScale {
         let follows = found.iter().flatten().all(|figures| figures.r2 >= 1.0 - DOUBTFUL);
         let pair = |k: usize| Some([own[k].as_ref()?.rmse, found[k].as_ref()?.rmse]);
         let scale = follows.then(|| Self { factor, errors_pu: [pair(0), pair(1)], remains, by_effect: 0.0 })?;
-        if !scale.is_other() && !scale.is_near() {
+        if !scale.may_be_other() {
             return Some(scale);
         }
         let by_effect = EFFECTS.map(|id| {
@@ -147,18 +147,23 @@ impl TimeScale {
 
     /// Whether nothing else explains the recording: spool and servomotor are slow also where no effect makes them so, as at their stops.
     pub fn is_clear(&self) -> bool {
-        (self.is_other() || self.is_near()) && self.remains < CLEAR * self.by_effect
+        self.may_be_other() && self.remains < CLEAR * self.by_effect
     }
 
     /// Whether it is that of another recording, give or take what is left open.
     pub fn is_alike(&self, other: &Self) -> bool {
         let ratio = self.factor / other.factor;
-        (self.is_other() || self.is_near()) && ratio.max(1.0 / ratio) <= ALIKE
+        self.may_be_other() && ratio.max(1.0 / ratio) <= ALIKE
     }
 
     /// Whether it follows at a scale so near that of the recording that tolerances and a loss of oil flow may be all there is.
     fn is_near(&self) -> bool {
-        !self.is_other() && self.factor.max(1.0 / self.factor) > NOTED && self.remains < DOUBTFUL
+        self.may_be_other() && !self.is_other()
+    }
+
+    /// Whether it follows at a scale that is worth a note.
+    fn may_be_other(&self) -> bool {
+        self.factor.max(1.0 / self.factor) > NOTED && self.remains < DOUBTFUL
     }
 
     /// What is to be said of one recording alone.
