@@ -1,9 +1,10 @@
-//! The evidence of a fitted fault set: its likelihood with tolerances, sizes and model error integrated out.
+//! The normal equations of a fitted model, and what discrepancy terms on top of it would gain.
 //!
-//! `ln Z = −½ cost + ½ |yᵦ|² − ½ ln |H| + ½ ln |P| + ln p(sizes)` with `L y = g`, `H = L Lᵀ` (Laplace's method; MacKay 1992): g and H are gradient and
-//! Hessian of residuals and priors over the free parameters and, behind them, the discrepancy terms β; P is the precision of the priors. What the
-//! terms gain is counted with the free parameters following; what these could gain alone is not, since a fit went where it could. A discrepancy term of which every point of the chain has a
-//! little is the error of equations; much of it at one point is something unknown there.
+//! Terms of a size count by `ln Z = −½ cost + ½ |yᵦ|² − ½ ln |H| + ½ ln |P|` with `L y = g`, `H = L Lᵀ` (Laplace's method; MacKay 1992), up to what all
+//! sizes share: g and H are gradient and Hessian of residuals and priors over the free parameters and, behind them, the discrepancy terms β; P is the
+//! precision of the terms' priors. What the terms gain is counted with the free parameters following; what these could gain alone is not, since a fit
+//! went where it could. A discrepancy term of which every point of the chain has a little is the error of equations; much of it at one point is
+//! something unknown there.
 
 pub mod distortion;
 pub mod law_error;
@@ -29,31 +30,35 @@ pub const KAPPAS: [f64; 4] = [1e-3, 0.03, 0.1, 0.3];
 /// Sizes of something unknown at one stage, in moderate discrepancy terms.
 pub const UNKNOWN_SIZES: [f64; 3] = [1.0, 4.0, 16.0];
 
-/// Normal equations of a model beside the discrepancy terms.
+/// Normal equations of a fitted model: residuals and priors along its free parameters.
 #[derive(Clone, Debug)]
 pub struct NormalEquations {
     cost: f64,
-    slopes: usize,
-    terms: usize,
-    /// Over free parameters, discrepancy terms and errors of laws, without priors of the latter two.
+    /// Priors included.
     hessian: DMatrix<f64>,
-    /// Along all of these.
     gradient: DVector<f64>,
-    /// Logarithm of the prior density of the sizes over a Gaussian of unit precision.
-    sizes: f64,
-    /// Logarithm of the precision of the free parameters' priors, all together.
-    log_precision: f64,
     /// What each recording has to say.
     parts: Vec<RecordingNormal>,
     /// Free parameters that are held at a bound: they follow nothing.
     held: Vec<usize>,
 }
 
-/// One recording's part in the normal equations of the free parameters.
+/// One recording's part in the normal equations.
 #[derive(Clone, Debug)]
 struct RecordingNormal {
     cost: f64,
     hessian: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+/// Normal equations of a model beside the discrepancy terms.
+#[derive(Clone, Debug)]
+pub struct ExtendedEquations {
+    fit: NormalEquations,
+    terms: usize,
+    /// Over free parameters, discrepancy terms and errors of laws, without priors of the latter two.
+    hessian: DMatrix<f64>,
+    /// Along all of these.
     gradient: DVector<f64>,
 }
 
@@ -75,73 +80,96 @@ impl Shared {
         Self { columns: Arc::clone(columns), modulations: Modulations::new(problem, &rows), without_effects, gram }
     }
 
-    /// The normal equations of a fitted model that has its slopes.
-    pub fn normal(&self, model: &FittedModel) -> NormalEquations {
+    /// The normal equations of a fitted model that has its slopes, beside the discrepancy terms and the errors of its effects' laws.
+    pub fn extended(&self, model: &FittedModel) -> ExtendedEquations {
+        let fit = NormalEquations::new(model);
         let (n, b) = (model.free_parameters.len(), self.gram.nrows());
         let laws = self.modulations.count(model);
         let limits = limits(model, self.without_effects);
         let mut hessian = DMatrix::zeros(n + b + laws, n + b + laws);
         let mut gradient = DVector::zeros(n + b + laws);
-        let mut parts = Vec::new();
         hessian.view_mut((n, n), (b, b)).copy_from(&self.gram);
         for (recording, residuals) in model.fit.residuals.iter().enumerate() {
             let (slopes, marks) = (&model.fit.slopes[recording], &self.columns.marks[recording]);
             let errors = self.modulations.marks(model, recording, &limits);
-            let part = crossed(slopes, slopes);
-            let along = slopes.tr_mul(residuals);
             let mut add = |at: (usize, usize), block: &DMatrix<f64>| {
                 let mut view = hessian.view_mut(at, block.shape());
                 view += block;
             };
-            add((0, 0), &part);
             add((0, n), &crossed(slopes, marks));
             if laws > 0 {
                 add((0, n + b), &crossed(slopes, &errors));
                 add((n, n + b), &crossed(marks, &errors));
                 add((n + b, n + b), &crossed(&errors, &errors));
             }
-            for (first, along) in [(0, along.clone()), (n, marks.tr_mul(residuals)), (n + b, errors.tr_mul(residuals))]
-            {
+            for (first, along) in [(n, marks.tr_mul(residuals)), (n + b, errors.tr_mul(residuals))] {
                 let mut view = gradient.rows_mut(first, along.len());
                 view += along;
             }
-            parts.push(RecordingNormal { cost: residuals.norm_squared(), hessian: part, gradient: along });
         }
+        for &held in &fit.held {
+            hessian.row_mut(held).fill(0.0);
+        }
+        hessian.view_mut((0, 0), (n, n)).copy_from(&fit.hessian);
+        gradient.rows_mut(0, n).copy_from(&fit.gradient);
         hessian.fill_lower_triangle_with_upper_triangle();
-        let (median, spread) = SIZE_PRIOR;
-        let (mut sizes, mut log_precision) = (0.0, 0.0);
-        let mut held = Vec::new();
+        ExtendedEquations { fit, terms: b, hessian, gradient }
+    }
+}
+
+impl NormalEquations {
+    /// Those of a fitted model that has its slopes.
+    pub fn new(model: &FittedModel) -> Self {
+        let n = model.free_parameters.len();
+        let of = |(residuals, slopes): (&DVector<f64>, &DMatrix<f64>)| RecordingNormal {
+            cost: residuals.norm_squared(),
+            hessian: crossed(slopes, slopes),
+            gradient: slopes.tr_mul(residuals),
+        };
+        let mut parts: Vec<RecordingNormal> = model.fit.residuals.iter().zip(&model.fit.slopes).map(of).collect();
+        let is_held = |k: &usize| {
+            let (free_parameter, position) = (&model.free_parameters[*k], model.fit.positions[*k]);
+            let (low, high) = free_parameter.range(&model.base);
+            free_parameter.prior_centre().is_some() && (position <= low || position >= high) && low < high
+        };
+        let held: Vec<usize> = (0..n).filter(is_held).collect();
+        for part in &mut parts {
+            for &k in &held {
+                part.hessian.row_mut(k).fill(0.0);
+                part.hessian.column_mut(k).fill(0.0);
+                part.gradient[k] = 0.0;
+            }
+        }
+        let mut hessian = parts.iter().fold(DMatrix::zeros(n, n), |sum, part| sum + &part.hessian);
+        let mut gradient = parts.iter().fold(DVector::zeros(n), |sum, part| sum + &part.gradient);
         for (k, free_parameter) in model.free_parameters.iter().enumerate() {
             let position = model.fit.positions[k];
-            gradient[k] += free_parameter.prior_centre().map_or(0.0, |centre| position - centre);
-            let (low, high) = free_parameter.range(&model.base);
-            if free_parameter.prior_centre().is_some() && (position <= low || position >= high) && low < high {
-                held.push(k);
-                hessian.row_mut(k).fill(0.0);
-                hessian.column_mut(k).fill(0.0);
-                gradient[k] = 0.0;
-                for part in &mut parts {
-                    part.hessian.row_mut(k).fill(0.0);
-                    part.hessian.column_mut(k).fill(0.0);
-                    part.gradient[k] = 0.0;
-                }
+            if !held.contains(&k) {
+                gradient[k] += free_parameter.prior_centre().map_or(0.0, |centre| position - centre);
             }
-            let precision = match free_parameter {
-                FreeParameter::Effect { parameter: 0, .. } => {
-                    let size = position.abs().max(1e-3);
-                    let off = (size / median).ln() / spread;
-                    // The density of the size itself; that of a Gaussian with its precision is counted by |P|.
-                    sizes -= 0.5 * off * off;
-                    1.0 / (spread * size).powi(2)
-                }
+            hessian[(k, k)] += match free_parameter {
+                FreeParameter::Effect { parameter: 0, .. } => 1.0 / (SIZE_PRIOR.1 * position.abs().max(1e-3)).powi(2),
                 FreeParameter::Free { .. } => 1e-6,
                 _ => 1.0,
             };
-            hessian[(k, k)] += precision;
-            log_precision += precision.ln();
         }
-        let cost = model.fit.cost();
-        NormalEquations { cost, slopes: n, terms: b, hessian, gradient, sizes, log_precision, parts, held }
+        Self { cost: model.fit.cost(), hessian, gradient, parts, held }
+    }
+
+    /// By how much the cost could still fall by the slopes at hand: next to nothing where a fit has ended.
+    pub fn unfinished(&self) -> f64 {
+        let Some(cholesky) = Cholesky::new(self.hessian.clone()) else { return 0.0 };
+        self.gradient.dot(&cholesky.solve(&self.gradient))
+    }
+
+    /// The cost of all recordings but each in turn: one Gauss-Newton step refits the rest.
+    pub fn cost_without_each(&self) -> Vec<f64> {
+        let of = |part: &RecordingNormal| {
+            let gain = Cholesky::new(&self.hessian - &part.hessian)
+                .map_or(0.0, |cholesky| part.gradient.dot(&cholesky.solve(&part.gradient)));
+            self.cost - part.cost - gain
+        };
+        self.parts.iter().map(of).collect()
     }
 }
 
@@ -150,20 +178,25 @@ fn log_determinant(cholesky: &Cholesky<f64, nalgebra::Dyn>) -> f64 {
     2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>()
 }
 
-impl NormalEquations {
-    /// Logarithm of the evidence where the terms are of these sizes, and errors of laws of this one.
+impl ExtendedEquations {
+    /// Logarithm of the evidence, up to what all sizes share, where the terms are of these sizes, and errors of laws of this one.
     fn with_terms(&self, size: impl Fn(usize) -> f64, law_error: f64) -> f64 {
-        let n = self.slopes;
+        let n = self.slopes();
         let mut h = self.hessian.clone();
-        let mut log_precision = self.log_precision;
+        let mut log_precision = 0.0;
         for k in 0..self.gradient.len() - n {
             let precision = 1.0 / if k < self.terms { size(k) } else { law_error }.powi(2);
             h[(n + k, n + k)] += precision;
             log_precision += precision.ln();
         }
-        let Some(cholesky) = Cholesky::new(h) else { return -0.5 * self.cost };
+        let Some(cholesky) = Cholesky::new(h) else { return f64::NEG_INFINITY };
         let gain = self.gain_of_terms(&cholesky, &self.gradient);
-        0.5 * (gain - self.cost - log_determinant(&cholesky) + log_precision) + self.sizes
+        0.5 * (gain - log_determinant(&cholesky) + log_precision)
+    }
+
+    /// How many free parameters come first.
+    fn slopes(&self) -> usize {
+        self.fit.gradient.len()
     }
 
     /// What the terms lower the cost by, the free parameters following.
@@ -173,7 +206,7 @@ impl NormalEquations {
         if !cholesky.l_dirty().solve_lower_triangular_mut(&mut solved) {
             return 0.0;
         }
-        solved.rows_range(self.slopes..).norm_squared()
+        solved.rows_range(self.slopes()..).norm_squared()
     }
 
     /// The error of equations that is likeliest, where laws are wrong by this much, in moderate discrepancy terms.
@@ -203,7 +236,7 @@ impl NormalEquations {
     pub fn terms(&self, place: usize, sizes: (f64, f64), goal: Option<&DVector<f64>>) -> (f64, Vec<f64>) {
         let at = discrepancy::PLACES.get(place).map(|place| place.words);
         let here: Vec<bool> = discrepancy::places().map(|place| Some(place.words) == at).collect();
-        let (n, b) = (self.slopes, self.terms);
+        let (n, b) = (self.slopes(), self.terms);
         let mut h = self.hessian.clone();
         for k in 0..self.gradient.len() - n {
             let size = if k >= b {
@@ -223,30 +256,5 @@ impl NormalEquations {
         let Some(cholesky) = Cholesky::new(h) else { return (0.0, vec![0.0; b]) };
         let solved = cholesky.solve(&gradient);
         (self.gain_of_terms(&cholesky, &gradient), solved.rows(n, b).iter().map(|size| -size).collect())
-    }
-
-    /// What the free parameters could still gain by the slopes at hand, nats: next to nothing where a fit has ended.
-    pub fn unfinished(&self) -> f64 {
-        let n = self.slopes;
-        let gradient = self.gradient.rows(0, n).into_owned();
-        let Some(cholesky) = Cholesky::new(self.hessian.view((0, 0), (n, n)).into_owned()) else { return 0.0 };
-        0.5 * gradient.dot(&cholesky.solve(&gradient))
-    }
-
-    /// The cost of all recordings but each in turn: one Gauss-Newton step refits the rest.
-    pub fn cost_without_each(&self) -> Vec<f64> {
-        let n = self.slopes;
-        let all = self.hessian.view((0, 0), (n, n)).into_owned();
-        let of = |part: &RecordingNormal| {
-            let gain = Cholesky::new(&all - &part.hessian)
-                .map_or(0.0, |cholesky| part.gradient.dot(&cholesky.solve(&part.gradient)));
-            self.cost - part.cost - gain
-        };
-        self.parts.iter().map(of).collect()
-    }
-
-    /// Cost of each recording.
-    pub fn costs(&self) -> Vec<f64> {
-        self.parts.iter().map(|part| part.cost).collect()
     }
 }

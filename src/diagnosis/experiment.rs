@@ -58,7 +58,7 @@ pub fn design(
     decision: &Decision,
 ) -> Next {
     let (table, posterior, numbers) = judged;
-    let left = survivors(found, table, posterior, decision);
+    let left = survivors(problem, found, table, posterior, decision);
     let entropy_bits = entropy_bits(left.iter().map(|one| one.probability));
     if entropy_bits < LEAST_BITS {
         return Next { entropy_bits, experiments: Vec::new() };

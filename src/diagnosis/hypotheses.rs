@@ -9,8 +9,8 @@ pub mod table;
 use std::sync::{Arc, OnceLock};
 
 use crate::estimation::fit::{Effort, Start, fit_all};
-use crate::evidence::Shared;
-use crate::hypotheses::explorer::{Explorer, Hypothesis, LEAST_GAIN, RARITY, is_stage_alone, kappa, worthwhile};
+use crate::evidence::{ExtendedEquations, Shared};
+use crate::hypotheses::explorer::{Explorer, Hypothesis, LEAST_GAIN, RARITY, Scale, is_stage_alone, worthwhile};
 use crate::hypotheses::fitted_sets::KnownSets;
 use crate::hypotheses::linearisation::{Linearisation, Proposal};
 use crate::hypotheses::profile::{ProfilePlace, fitted_best, moved_to, profiles};
@@ -49,12 +49,14 @@ pub struct Explored {
     pub discrepancy: Arc<Columns>,
     /// The linear picture there.
     pub linearisation: Linearisation,
-    /// What the evidence of all sets shares, once anybody asked.
+    /// What discrepancy terms on top of any set share, once anybody asked.
     shared: OnceLock<Arc<Shared>>,
+    /// The refitted sheet beside the discrepancy terms, once anybody asked.
+    extended: OnceLock<ExtendedEquations>,
 }
 
 impl Explored {
-    /// What the evidence of all sets shares.
+    /// What discrepancy terms on top of any set share.
     pub(crate) fn shared(&self, problem: &Problem) -> Arc<Shared> {
         let new = || Arc::new(Shared::new(problem, &self.discrepancy, self.refitted().cost()));
         Arc::clone(self.shared.get_or_init(new))
@@ -79,6 +81,11 @@ impl Explored {
                 && !one.model.fit.slopes.is_empty()
         };
         self.hypotheses.iter().find(is_it).map(|one| &one.model)
+    }
+
+    /// The refitted sheet beside the discrepancy terms.
+    pub(crate) fn extended(&self, problem: &Problem) -> &ExtendedEquations {
+        self.extended.get_or_init(|| self.shared(problem).extended(self.refitted()))
     }
 
     /// The model of the first of these sets that was fitted and kept, likeliest first; the leader where none was.
@@ -123,14 +130,14 @@ impl Explored {
             })
             .collect();
         let fits = fit_all(problem, &starts);
-        let shared = self.shared(problem);
+        let scale = Scale::new(problem, self.refitted().cost());
         let mut best: Vec<Option<Hypothesis>> = vec![None; claims.len()];
         for ((place, _, (base, free_parameters, _)), fit) in places.into_iter().zip(fits) {
             let known = catalogue.iter().enumerate().filter(|(_, spec)| claims[place].contains(&spec.id));
             let (effects, specs): (Vec<usize>, Vec<&'static EffectSpec>) = known.map(|(k, spec)| (k, *spec)).unzip();
             let model = FittedModel::new(specs, base, free_parameters, fit);
             if best[place].as_ref().is_none_or(|best| model.cost() < best.model.cost()) {
-                best[place] = Some(Hypothesis::new(&shared, kappa(problem), effects, model, true));
+                best[place] = Some(Hypothesis::new(&scale, effects, model, true));
             }
         }
         for found in best.into_iter().flatten() {
@@ -189,7 +196,7 @@ impl<'a> Exploration<'a> {
     ) -> Self {
         progress("placing discrepancy terms", 0.2);
         let discrepancy = Arc::new(columns(problem, refitted));
-        let explorer = Explorer::new(problem, refitted, catalogue, &discrepancy);
+        let explorer = Explorer::new(problem, refitted, catalogue);
         let mut known = KnownSets::default();
         known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
         progress("weighing all sets of up to three effects", 0.25);
@@ -259,8 +266,8 @@ impl<'a> Exploration<'a> {
             }
         }
         let mut hypotheses: Vec<Hypothesis> = known.fitted.into_values().collect();
-        hypotheses.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-        Explored { hypotheses, discrepancy, linearisation, shared: OnceLock::new() }
+        hypotheses.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Explored { hypotheses, discrepancy, linearisation, shared: OnceLock::new(), extended: OnceLock::new() }
     }
 }
 

@@ -57,6 +57,15 @@ impl Hyperparameters {
         }
     }
 
+    /// Logarithm of the evidence of a set of so many effects and of the odds against them, the scale of the noise integrated out
+    /// ([`super::posterior`]): of so many independent samples, where the set costs so much and the sheet alone `without_effects`.
+    pub fn score(&self, samples: f64, without_effects: f64, cost: f64, effects: usize) -> f64 {
+        let explained = if without_effects.is_finite() { (without_effects - cost).max(0.0) } else { 0.0 };
+        // With this much less explained, effects beyond the first would only mend the law of another.
+        let left = cost + self.further_share * effects.saturating_sub(1) as f64 * explained;
+        -0.5 * self.tempering * samples * left.ln() - self.rarity * effects as f64
+    }
+
     /// The learned ones moved by so much along their logarithms, within what they may be.
     #[must_use]
     pub fn moved(&self, by: &[f64; Self::LEARNED]) -> Self {

@@ -148,17 +148,12 @@ impl Gap {
     }
 }
 
-/// Logarithm of the evidence of a fitted set and of the odds against its effects, the scale of the noise integrated out.
+/// Logarithm of the evidence of a fitted set and of the odds against its effects.
 fn score(table: &EvidenceTable, numbers: &Hyperparameters, row: &EvidenceRow, gap: Gap) -> f64 {
-    let odds = numbers.rarity * row.effects.len() as f64;
-    if let Some(stage) = &table.stage_alone {
-        return of_stage_alone(table, stage, row) - odds;
+    match &table.stage_alone {
+        Some(stage) => of_stage_alone(table, stage, row) - numbers.rarity * row.effects.len() as f64,
+        None => numbers.score(table.samples.max(1.0), gap.left + gap.explained, gap.left, row.effects.len()),
     }
-    let further = row.effects.len().saturating_sub(1) as f64;
-    // With this much less explained, effects beyond the first would only mend the law of another.
-    let left = gap.left + numbers.further_share * further * gap.explained;
-    let draws = numbers.tempering * table.samples.max(1.0);
-    -0.5 * draws * left.ln() - odds
 }
 
 /// Logarithm of the likelihood of a set of a stage alone: its nats, over what the best set leaves beyond a right model. With a data sheet what it

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::law_error::limits;
-use super::{NormalEquations, Shared};
+use super::{ExtendedEquations, Shared};
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
@@ -175,13 +175,13 @@ struct Calibration {
 }
 
 impl Calibration {
-    fn new(normal: &NormalEquations, sizes: (f64, f64)) -> Option<Self> {
-        let (n, b) = (normal.slopes, normal.terms);
+    fn new(normal: &ExtendedEquations, sizes: (f64, f64)) -> Option<Self> {
+        let (n, b) = (normal.slopes(), normal.terms);
         let rest = normal.gradient.len() - n;
-        let squares = normal.parts.iter().fold(DMatrix::zeros(n, n), |sum, part| sum + &part.hessian);
+        let squares = normal.fit.parts.iter().fold(DMatrix::zeros(n, n), |sum, part| sum + &part.hessian);
         let mut inverse = Cholesky::new(normal.hessian.view((0, 0), (n, n)).into_owned())?.inverse();
         // A parameter that is held has slopes and does not follow them.
-        for &held in &normal.held {
+        for &held in &normal.fit.held {
             inverse.row_mut(held).fill(0.0);
             inverse.column_mut(held).fill(0.0);
         }
@@ -208,7 +208,7 @@ impl Shared {
         &self,
         problem: &Problem,
         model: &FittedModel,
-        normal: &NormalEquations,
+        normal: &ExtendedEquations,
         sizes: (f64, f64),
     ) -> Option<Distortion> {
         let laws: Vec<DMatrix<f64>> = {
@@ -224,7 +224,7 @@ impl Shared {
             })
             .collect();
         let calibration = Calibration::new(normal, sizes)?;
-        let zeros = Sums::zeros(normal.slopes, normal.gradient.len() - normal.slopes);
+        let zeros = Sums::zeros(normal.slopes(), normal.gradient.len() - normal.slopes());
         let mut strongest: Option<(f64, Signal, Place)> = None;
         let mut count = 0.0;
         let mut test = |sums: &Sums, signal: Signal, place: &dyn Fn() -> Place| {

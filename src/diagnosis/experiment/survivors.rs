@@ -9,7 +9,7 @@ use crate::hypotheses::Explored;
 use crate::hypotheses::explorer::{Hypothesis, KAPPA};
 use crate::hypotheses::table::EvidenceTable;
 use crate::identification::free_parameter::FreeParameter;
-use crate::likelihood::problem::twin_of;
+use crate::likelihood::problem::{Problem, twin_of};
 use crate::model::FittedModel;
 use crate::model::discrepancy;
 use crate::model::support::SIZE_PRIOR;
@@ -42,6 +42,7 @@ pub struct Survivor<'a> {
 /// Something unknown at a stage is the refitted sheet with a discrepancy term at the place of that stage that explains most of the recordings, in
 /// its most probable shape.
 pub fn survivors<'a>(
+    problem: &Problem,
     found: &'a Explored,
     table: &EvidenceTable,
     posterior: &Posterior,
@@ -76,7 +77,7 @@ pub fn survivors<'a>(
             let unknown = of.is_err();
             let (model, twin) = match of {
                 Ok(model) => (model, twin_of(&model.unit())),
-                Err(stage) => (found.refitted(), with_unknown(found, stage)?),
+                Err(stage) => (found.refitted(), with_unknown(problem, found, stage)?),
             };
             Some(Survivor { name, probability, model, twin, unknown })
         })
@@ -89,11 +90,11 @@ pub fn survivors<'a>(
 }
 
 /// The refitted sheet with something unknown at a stage.
-fn with_unknown(found: &Explored, stage: Stage) -> Option<Twin> {
-    let empty = found.hypotheses.iter().find(|one| one.effects.is_empty())?;
+fn with_unknown(problem: &Problem, found: &Explored, stage: Stage) -> Option<Twin> {
+    let equations = found.extended(problem);
     let at = |(_, place): &(usize, &discrepancy::DiscrepancyPoint)| place.stage == stage;
     let terms = |(index, place)| {
-        let (gain, sizes) = empty.normal.terms(index, (UNKNOWN_SIZES[1], KAPPA), None);
+        let (gain, sizes) = equations.terms(index, (UNKNOWN_SIZES[1], KAPPA), None);
         (place, gain, sizes)
     };
     let all = discrepancy::PLACES.iter().enumerate().filter(at).map(terms);

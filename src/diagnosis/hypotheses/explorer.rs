@@ -1,7 +1,6 @@
 //! What explorations share: fault sets, where their fits begin, and these fits.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use nalgebra::DMatrix;
 use rayon::iter::{
@@ -11,7 +10,8 @@ use rayon::iter::{
 use crate::estimation::annealing::annealed;
 use crate::estimation::coordinate::Coordinate;
 use crate::estimation::fit::{Effort, Fit, Start, fit_all};
-use crate::evidence::{KAPPAS, NormalEquations, Shared};
+use crate::decision::hyperparameters::Hyperparameters;
+use crate::evidence::{KAPPAS, NormalEquations};
 use crate::hypotheses::linearisation::{Linearisation, Proposal};
 use crate::hypotheses::profile::{ProfilePlace, profiles};
 use crate::identification::free_parameter::FreeParameter;
@@ -28,7 +28,7 @@ pub const KAPPA: f64 = 0.03;
 /// Error of laws that rankings count with, as a share of what an effect does.
 pub(super) const LAW_ERROR: f64 = 0.05;
 
-/// Logarithm of the odds against each further effect that the exploration counts with; the posterior has learned odds of its own.
+/// Logarithm of the odds against each further effect that proposals count with.
 pub(crate) const RARITY: f64 = 5.0;
 
 /// Fitted sets that are fitted on with care, each time.
@@ -65,10 +65,10 @@ pub struct Hypothesis {
     pub effects: Vec<usize>,
     /// The model; without residuals and slopes where it is far from the leader.
     pub model: FittedModel,
-    /// Normal equations for its evidence.
+    /// Its normal equations.
     pub normal: NormalEquations,
-    /// Logarithm of its evidence, and of the odds against so many effects.
-    pub log_evidence: f64,
+    /// Logarithm of its evidence, and of the odds against so many effects: what the posterior counts.
+    pub score: f64,
     /// Whether it was fitted with care.
     pub refined: bool,
 }
@@ -79,17 +79,37 @@ impl Hypothesis {
         self.effects.len() < effects.len() && self.effects.iter().all(|effect| effects.contains(effect))
     }
 
-    /// Weighs a fitted model, at an error of equations of `kappa`.
-    pub(super) fn new(shared: &Shared, kappa: f64, effects: Vec<usize>, model: FittedModel, refined: bool) -> Self {
-        let normal = shared.normal(&model);
-        let log_evidence = normal.at(kappa, LAW_ERROR) - RARITY * effects.len() as f64;
-        Self { effects, model, normal, log_evidence, refined }
+    /// Weighs a fitted model.
+    pub(super) fn new(scale: &Scale, effects: Vec<usize>, model: FittedModel, refined: bool) -> Self {
+        let score = scale.score(model.cost(), effects.len());
+        Self { effects, normal: NormalEquations::new(&model), model, score, refined }
+    }
+}
+
+/// What costs of fitted sets are weighed by.
+#[derive(Clone, Debug)]
+pub(super) struct Scale {
+    numbers: Hyperparameters,
+    samples: f64,
+    without_effects: f64,
+}
+
+impl Scale {
+    /// On a problem, where the sheet alone costs so much.
+    pub(super) fn new(problem: &Problem, without_effects: f64) -> Self {
+        let samples = problem.independent_samples().max(1.0);
+        Self { numbers: Hyperparameters::shipped(), samples, without_effects }
+    }
+
+    /// The score of a set of so many effects that costs so much.
+    pub(super) fn score(&self, cost: f64, effects: usize) -> f64 {
+        self.numbers.score(self.samples, self.without_effects, cost, effects)
     }
 }
 
 /// Error of equations that explorations count with: next to none where the stage behind a recorded spool stands alone, of which the discrepancy
 /// terms know too much: at the spool's own rate nothing in the loop holds them.
-pub(super) fn kappa(problem: &Problem) -> f64 {
+fn kappa(problem: &Problem) -> f64 {
     if is_stage_alone(problem) { KAPPAS[0] } else { KAPPA }
 }
 
@@ -106,22 +126,20 @@ pub fn is_stage_alone(problem: &Problem) -> bool {
 /// What all fits share.
 pub(super) struct Explorer<'a> {
     kappa: f64,
+    pub(super) scale: Scale,
     pub(super) problem: &'a Problem,
     nominal: &'a FittedModel,
     catalogue: &'a [&'static EffectSpec],
-    shared: Shared,
 }
 
 impl<'a> Explorer<'a> {
-    /// For a problem, the refitted sheet on it, a catalogue and the marks of the discrepancy terms.
+    /// For a problem, the refitted sheet on it, and a catalogue.
     pub(super) fn new(
         problem: &'a Problem,
         nominal: &'a FittedModel,
         catalogue: &'a [&'static EffectSpec],
-        discrepancy: &Arc<Columns>,
     ) -> Self {
-        let shared = Shared::new(problem, discrepancy, nominal.cost());
-        Self { kappa: kappa(problem), problem, nominal, catalogue, shared }
+        Self { kappa: kappa(problem), scale: Scale::new(problem, nominal.cost()), problem, nominal, catalogue }
     }
 
     /// Profiles of all effects on top of a point.
@@ -135,7 +153,7 @@ impl<'a> Explorer<'a> {
     }
 
     pub(super) fn hypothesis(&self, effects: Vec<usize>, model: FittedModel, refined: bool) -> Hypothesis {
-        Hypothesis::new(&self.shared, self.kappa, effects, model, refined)
+        Hypothesis::new(&self.scale, effects, model, refined)
     }
 
     /// Places in the catalogue of the effects that a proposal at a point leaves or adds, with where they stand.
@@ -188,7 +206,7 @@ impl<'a> Explorer<'a> {
                 )
             });
             found.par_extend(glanced);
-            found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+            found.sort_by(|a, b| b.score.total_cmp(&a.score));
             // Single effects are few, and what a verdict most often names.
             found.sort_by_key(|one| one.effects.len() > 1);
             // Slopes are nearly all of the memory.

@@ -13,8 +13,8 @@ const COMPARED: usize = 3;
 /// By so much a set may cost more than one that it holds before it is fitted anew: less says nothing.
 const UNTOLD: f64 = 1.0;
 
-/// By so much evidence a set may be behind the leader and still be fitted on, nats. A fit with care brought less than 80 to any set of the practice units.
-const WITHIN_REACH: f64 = 200.0;
+/// By so much a set's score may be behind the leader's and it is still fitted on, nats.
+const WITHIN_REACH: f64 = 50.0;
 
 /// Pairs that are united with the likeliest one each time.
 const UNITED: usize = 2;
@@ -40,7 +40,7 @@ impl KnownSets {
 
     pub(super) fn ordered(&self) -> Vec<&Hypothesis> {
         let mut all: Vec<&Hypothesis> = self.fitted.values().collect();
-        all.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        all.sort_by(|a, b| b.score.total_cmp(&a.score));
         all
     }
 
@@ -51,9 +51,9 @@ impl KnownSets {
         (least.model.cost() + UNTOLD < set.model.cost()).then_some(least)
     }
 
-    /// Least evidence of what is fitted on.
-    fn least_evidence(&self) -> f64 {
-        self.fitted.values().map(|one| one.log_evidence).fold(f64::NEG_INFINITY, f64::max) - WITHIN_REACH
+    /// Least score of what is fitted on.
+    fn least_score(&self) -> f64 {
+        self.fitted.values().map(|one| one.score).fold(f64::NEG_INFINITY, f64::max) - WITHIN_REACH
     }
 
     /// Fits sets that cost more than one which they hold anew, from where that one stands, its further effects at nothing and as they were: from nothing a
@@ -61,9 +61,9 @@ impl KnownSets {
     /// they hold is out of reach of the leader.
     fn begin_anew_within(&mut self, explorer: &Explorer<'_>) {
         for size in 1..=MOST {
-            let least = self.least_evidence();
+            let least = self.least_score();
             let is_hopeless = |set: &Hypothesis| {
-                size > 1 && self.cheaper_within(set).is_some_and(|within| within.log_evidence < least)
+                size > 1 && self.cheaper_within(set).is_some_and(|within| within.score < least)
             };
             let of_size = self.fitted.values().filter(|one| one.effects.len() == size);
             let hopeless: Vec<Vec<usize>> =
@@ -98,14 +98,17 @@ impl KnownSets {
     /// Fits with care what leads, or would lead if its fit had ended, and was not yet. No set costs more than one that it holds.
     pub(super) fn refine(&mut self, explorer: &Explorer<'_>) {
         self.begin_anew_within(explorer);
-        let promise = |one: &Hypothesis| one.log_evidence + if one.refined { 0.0 } else { one.normal.unfinished() };
+        let promise = |one: &Hypothesis| {
+            let further = if one.refined { 0.0 } else { one.normal.unfinished() };
+            explorer.scale.score(one.model.cost() - further, one.effects.len())
+        };
         let mut promising: Vec<(f64, &Hypothesis)> = self.fitted.values().map(|one| (promise(one), one)).collect();
         promising.sort_by(|a, b| b.0.total_cmp(&a.0));
         // Single effects are few: before nothing leads, each has had a whole fit. So has each of a stage alone, where all are alike.
         let nothing_leads = self.ordered().first().is_some_and(|leader| leader.effects.is_empty());
         let singles = nothing_leads || is_stage_alone(explorer.problem);
         let is_single = |one: &Hypothesis| singles && one.effects.len() == 1;
-        let least = self.least_evidence();
+        let least = self.least_score();
         let chosen: Vec<Hypothesis> = promising
             .into_iter()
             .enumerate()
@@ -119,14 +122,14 @@ impl KnownSets {
         let leading: Vec<Vec<usize>> = self.ordered().iter().take(COMPARED).map(|one| one.effects.clone()).collect();
         let is_within =
             |one: &&Hypothesis| leading.iter().any(|set| one.effects.len() + 1 == set.len() && one.is_within(set));
-        let least = self.least_evidence();
+        let least = self.least_score();
         let is_open = |one: &&Hypothesis| !one.refined && promise(one) > least;
         let within: Vec<Hypothesis> = self.fitted.values().filter(is_within).filter(is_open).cloned().collect();
         self.settle(explorer.refined(&within));
         self.begin_anew_within(explorer);
         // Slopes and residuals are nearly all of the memory.
         let mut order: Vec<(f64, Vec<usize>)> =
-            self.fitted.values().map(|known| (known.log_evidence, known.effects.clone())).collect();
+            self.fitted.values().map(|known| (known.score, known.effects.clone())).collect();
         order.sort_by(|a, b| b.0.total_cmp(&a.0));
         for (_, effects) in order.into_iter().skip(4 * leaders(explorer.problem)) {
             if let Some(known) = self.fitted.get_mut(&effects).filter(|known| !known.effects.is_empty()) {

@@ -92,8 +92,9 @@ impl EvidenceTable {
             if !is_asked || hypothesis.model.fit.slopes.is_empty() {
                 continue;
             }
-            let kappa = hypothesis.normal.likeliest_kappa(LAW_ERROR);
-            row.distortion = shared.distortion(problem, &hypothesis.model, &hypothesis.normal, (kappa, LAW_ERROR));
+            let extended = shared.extended(&hypothesis.model);
+            let kappa = extended.likeliest_kappa(LAW_ERROR);
+            row.distortion = shared.distortion(problem, &hypothesis.model, &extended, (kappa, LAW_ERROR));
         }
     }
 

@@ -11,21 +11,22 @@ const UNKNOWN: (f64, f64) = (4.0, 0.03);
 
 /// What something unknown would be like at each place, best first; beside it what it would be like if the unit were the improved twin.
 pub fn discrepancy_terms(problem: &Problem, explored: &Explored, chosen: &FittedModel) -> Vec<DiscrepancyTerm> {
-    let Some(empty) = explored.hypotheses.iter().find(|one| one.effects.is_empty()) else { return Vec::new() };
-    let gap = empty.model.fit.cost() - problem.expected_cost();
+    let empty = explored.refitted();
+    let equations = explored.extended(problem);
+    let gap = empty.fit.cost() - problem.expected_cost();
     let goal = (!chosen.effects.is_empty()).then(|| -> Residuals {
-        let pairs = empty.model.fit.residuals.iter().zip(&chosen.fit.residuals);
+        let pairs = empty.fit.residuals.iter().zip(&chosen.fit.residuals);
         pairs.map(|(refitted, improved)| refitted - improved).collect()
     });
     let mut all: Vec<DiscrepancyTerm> = discrepancy::PLACES
         .iter()
         .enumerate()
         .map(|(index, place)| {
-            let (gain, sizes) = empty.normal.terms(index, UNKNOWN, None);
+            let (gain, sizes) = equations.terms(index, UNKNOWN, None);
             let mut curves = discrepancy::curves(place, &sizes);
             if let Some(goal) = &goal {
                 let gradient = explored.discrepancy.along(goal);
-                let (_, sizes) = empty.normal.terms(index, UNKNOWN, Some(&gradient));
+                let (_, sizes) = equations.terms(index, UNKNOWN, Some(&gradient));
                 for (curve, named) in curves.iter_mut().zip(discrepancy::curves(place, &sizes)) {
                     curve.named = named.points;
                 }

@@ -1,7 +1,7 @@
 //! What the nearest causes leave: how much, at which stage, and where it is largest.
 
 use crate::evidence::law_error::NO_LAW_ERROR;
-use crate::evidence::{KAPPAS, NormalEquations};
+use crate::evidence::{ExtendedEquations, KAPPAS};
 use crate::hypotheses::Explored;
 use crate::hypotheses::explorer::is_stage_alone;
 use crate::likelihood::problem::Problem;
@@ -25,22 +25,22 @@ pub fn remainder(
     (explained, something_else): (Interval, f64),
 ) -> Remainder {
     let residuals = model.fit.cost() - model.fit.prior;
-    let normal = explored.hypotheses.iter().find(|one| one.model.ids() == model.ids()).map(|one| &one.normal);
+    let has_slopes = !model.fit.slopes.is_empty() && !is_stage_alone(problem);
     Remainder {
         beside: model.ids().into_iter().map(str::to_owned).collect(),
         explained,
         share: (1.0 - explained.value).clamp(0.0, 1.0),
         something_else,
         chi_square: residuals / problem.independent_samples().max(1.0),
-        stage: normal.filter(|_| !is_stage_alone(problem)).and_then(stage),
+        stage: has_slopes.then(|| explored.shared(problem).extended(model)).as_ref().and_then(stage),
         largest: largest(problem, estimates),
     }
 }
 
 /// The stage at which something else explains most of what is left.
-fn stage(normal: &NormalEquations) -> Option<Stage> {
-    let everywhere = KAPPAS[1..].iter().map(|&kappa| normal.at(kappa, NO_LAW_ERROR)).fold(f64::NEG_INFINITY, f64::max);
-    let all = Stage::ALL.into_iter().map(|stage| (stage, normal.unknown_at(stage) - everywhere));
+fn stage(equations: &ExtendedEquations) -> Option<Stage> {
+    let everywhere = KAPPAS[1..].iter().map(|&kappa| equations.at(kappa, NO_LAW_ERROR)).fold(f64::NEG_INFINITY, f64::max);
+    let all = Stage::ALL.into_iter().map(|stage| (stage, equations.unknown_at(stage) - everywhere));
     all.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, gained)| *gained > LEAST_GAIN).map(|(stage, _)| stage)
 }
 
