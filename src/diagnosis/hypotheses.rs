@@ -8,9 +8,13 @@ pub mod table;
 
 use std::sync::{Arc, OnceLock};
 
-use crate::estimation::fit::{Effort, Start, fit_all};
+use nalgebra::{DMatrix, DVector};
+
+use crate::estimation::fit::{Start, fit_all};
 use crate::evidence::{ExtendedEquations, Shared};
-use crate::hypotheses::explorer::{Explorer, Hypothesis, LEAST_GAIN, RARITY, Scale, is_stage_alone, worthwhile};
+use crate::hypotheses::explorer::{
+    CAREFUL, Explorer, Hypothesis, LEAST_GAIN, RARITY, Scale, is_stage_alone, worthwhile,
+};
 use crate::hypotheses::fitted_sets::KnownSets;
 use crate::hypotheses::linearisation::{Linearisation, Proposal};
 use crate::hypotheses::profile::{ProfilePlace, fitted_best, moved_to, profiles};
@@ -18,7 +22,7 @@ use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
 use crate::model::discrepancy::{Columns, columns};
-use crate::model::support::Placed;
+use crate::model::support::{Placed, Variant};
 use govtwin_model::effects::EffectSpec;
 use govtwin_model::parameters::Unit;
 
@@ -114,19 +118,22 @@ impl Explored {
             !self.hypotheses.iter().any(is_done)
         });
         // The set as it was fitted, and as a larger one leaves it: one may stand behind a ridge.
-        let mut places: Vec<(usize, Option<&Hypothesis>, Placed)> = Vec::new();
+        let mut places: Vec<(usize, &FittedModel, Placed)> = Vec::new();
         for (place, claim) in claims.iter().enumerate() {
             let own = self.hypotheses.iter().find(|one| is_it(one, claim));
-            places.extend(own.map(|own| (place, Some(own), own.model.placed())));
+            places.extend(own.map(|own| (place, &own.model, own.model.placed())));
             let holds = |one: &&Hypothesis| one.effects.len() > claim.len() && claim.iter().all(|id| one.model.has(id));
             let larger = self.hypotheses.iter().find(holds);
-            places.extend(larger.map(|larger| (place, None, larger.model.keeping(claim))));
+            places.extend(larger.map(|larger| (place, &larger.model, larger.model.keeping(claim))));
         }
+        let known: Vec<Vec<DMatrix<f64>>> =
+            places.iter().map(|(_, model, _)| model.sheet_slopes(self.refitted())).collect();
         let starts: Vec<Start<'_, FreeParameter>> = places
             .iter()
-            .map(|(_, own, (base, free_parameters, positions))| match own {
-                Some(own) => own.model.onwards(Effort::FULL),
-                None => Start { base, coordinates: free_parameters, positions, effort: Effort::FULL, known: None },
+            .zip(&known)
+            .map(|((_, _, (base, coordinates, positions)), known)| {
+                let known = Some(known.as_slice());
+                Start { base, coordinates, positions, effort: CAREFUL, known }
             })
             .collect();
         let fits = fit_all(problem, &starts);
@@ -175,6 +182,14 @@ impl Singles {
     }
 }
 
+/// What an exploration found before the noise was laid out anew.
+pub(crate) struct Found {
+    /// The linear picture at the refitted sheet.
+    linearisation: Linearisation,
+    /// Effects of the sets that were fitted, likeliest first, and where all of their free parameters stood, the sheet's first.
+    sets: Vec<(Vec<(usize, Variant)>, Vec<f64>)>,
+}
+
 /// An exploration on its way: fault sets of a catalogue fitted from the refitted sheet and from the sheet itself.
 pub struct Exploration<'a> {
     explorer: Explorer<'a>,
@@ -194,11 +209,7 @@ impl<'a> Exploration<'a> {
         catalogue: &'a [&'static EffectSpec],
         progress: &(dyn Fn(&str, f64) + Sync),
     ) -> Self {
-        progress("placing discrepancy terms", 0.2);
-        let discrepancy = Arc::new(columns(problem, refitted));
-        let explorer = Explorer::new(problem, refitted, catalogue);
-        let mut known = KnownSets::default();
-        known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
+        let (explorer, discrepancy, known) = Self::placed(problem, refitted, catalogue, progress);
         progress("weighing all sets of up to three effects", 0.25);
         let linearisation = explorer.picture(refitted, &moved_to(refitted, catalogue, &singles.places), &discrepancy);
         let from_sheet = explorer.picture(sheet, &singles.places, &discrepancy);
@@ -214,10 +225,59 @@ impl<'a> Exploration<'a> {
             }
         }
         drop(from_sheet);
-        for hypothesis in explorer.scouted(&jobs) {
-            known.take(hypothesis);
+        Self { explorer, sheet, discrepancy, linearisation, known }.scouted(&jobs)
+    }
+
+    /// What it found, to begin again with.
+    pub(crate) fn found(self) -> Found {
+        let sets = self.known.ordered().into_iter().filter(|one| !one.effects.is_empty());
+        let placed = |one: &Hypothesis| {
+            let effects = self.explorer.members(&one.model, &Proposal::at(&one.model, Vec::new()));
+            (effects, one.model.fit.positions.clone())
+        };
+        Found { sets: sets.map(placed).collect(), linearisation: self.linearisation }
+    }
+
+    /// Begins again on a problem whose noise was laid out anew: the sets that were found before are fitted again, from where they stood.
+    pub(crate) fn begin_again(
+        problem: &'a Problem,
+        refitted: &'a FittedModel,
+        sheet: &'a FittedModel,
+        found: Found,
+        catalogue: &'a [&'static EffectSpec],
+        progress: &(dyn Fn(&str, f64) + Sync),
+    ) -> Self {
+        let (explorer, discrepancy, known) = Self::placed(problem, refitted, catalogue, progress);
+        progress("fitting the likeliest sets again", 0.4);
+        let at = |(effects, positions): (Vec<(usize, Variant)>, Vec<f64>)| {
+            let from = &refitted.fit.positions;
+            let change = DVector::from_fn(from.len(), |k, _| positions[k] - from[k]);
+            (refitted, Proposal { change, ..Proposal::at(refitted, effects) })
+        };
+        let jobs: Vec<(&FittedModel, Proposal)> = found.sets.into_iter().map(at).collect();
+        Self { explorer, sheet, discrepancy, linearisation: found.linearisation, known }.scouted(&jobs)
+    }
+
+    /// What every exploration begins with: the marks of the discrepancy terms, and the sheet alone among the known sets.
+    fn placed(
+        problem: &'a Problem,
+        refitted: &'a FittedModel,
+        catalogue: &'a [&'static EffectSpec],
+        progress: &(dyn Fn(&str, f64) + Sync),
+    ) -> (Explorer<'a>, Arc<Columns>, KnownSets) {
+        progress("placing discrepancy terms", 0.2);
+        let explorer = Explorer::new(problem, refitted, catalogue);
+        let mut known = KnownSets::default();
+        known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
+        (explorer, Arc::new(columns(problem, refitted)), known)
+    }
+
+    /// The same with proposals fitted quickly.
+    fn scouted(mut self, jobs: &[(&FittedModel, Proposal)]) -> Self {
+        for hypothesis in self.explorer.scouted(jobs) {
+            self.known.take(hypothesis);
         }
-        Self { explorer, sheet, discrepancy, linearisation, known }
+        self
     }
 
     /// The unit of the likeliest set so far.

@@ -136,10 +136,11 @@ pub fn diagnose(
     let relaid = exploration.leading_unit().and_then(|unit| likelier(&problem, &unit));
     let mut explored = if let Some(relaid) = relaid {
         progress("starting again with the noise that the likeliest set leaves", 0.2);
-        // Slopes are nearly all of the memory.
-        drop(exploration);
+        // Slopes are nearly all of the memory: what it found keeps none.
+        let found = exploration.found();
         let (relaid, refitted, sheet) = model::search::renewed(relaid, &refitted);
-        let explored = Exploration::begin(&relaid, &refitted, &sheet, &singles, catalogue, progress).finish(progress);
+        let explored =
+            Exploration::begin_again(&relaid, &refitted, &sheet, found, catalogue, progress).finish(progress);
         problem = relaid;
         explored
     } else {

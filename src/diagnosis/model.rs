@@ -65,6 +65,13 @@ impl FittedModel {
         (self.fit.residuals, self.fit.slopes) = (Vec::new(), Vec::new());
     }
 
+    /// Slopes by the parameters of the sheet alone; where they were given up, those of the refitted sheet, good enough to begin with.
+    pub(crate) fn sheet_slopes(&self, refitted: &Self) -> Vec<DMatrix<f64>> {
+        let known = if self.fit.slopes.is_empty() { refitted } else { self };
+        let count = refitted.free_parameters.len();
+        known.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
+    }
+
     /// The same effects and free parameters, fitted otherwise, if that is better.
     pub(crate) fn or_better(&self, fit: Fit) -> Self {
         if fit.cost() <= self.fit.cost() || self.fit.slopes.is_empty() {

@@ -102,6 +102,9 @@ pub fn pictured<C: Coordinate>(
 /// Dampings tried side by side, as multiples of the current one.
 const DAMPINGS: [f64; 4] = [1.0, 30.0, 1.0e3, 3.0e4];
 
+/// A gain of a step that is next to none: absolute, and as a share of the cost. A hundredth of what a search may miss.
+const SMALL: (f64, f64) = (1e-2, 1e-4);
+
 /// How much work a fit may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effort {
@@ -311,7 +314,7 @@ impl<'a, C: Coordinate> Descent<'a, C> {
         self.round += 1;
         self.age += 1;
         let Start { base, coordinates, effort, known, .. } = self.start;
-        let small = gain <= 1e-2 + 1e-6 * self.cost;
+        let small = gain <= SMALL.0 + SMALL.1 * self.cost;
         if small && (self.fresh || effort.refresh > effort.rounds) {
             return;
         }

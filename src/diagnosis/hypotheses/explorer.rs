@@ -7,10 +7,10 @@ use rayon::iter::{
     IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelExtend, ParallelIterator,
 };
 
+use crate::decision::hyperparameters::Hyperparameters;
 use crate::estimation::annealing::annealed;
 use crate::estimation::coordinate::Coordinate;
 use crate::estimation::fit::{Effort, Fit, Start, fit_all};
-use crate::decision::hyperparameters::Hyperparameters;
 use crate::evidence::{KAPPAS, NormalEquations};
 use crate::hypotheses::linearisation::{Linearisation, Proposal};
 use crate::hypotheses::profile::{ProfilePlace, profiles};
@@ -47,7 +47,7 @@ const TOGETHER: usize = 8;
 const FURTHER: Effort = Effort { rounds: 2, refresh: 100, ..Effort::FULL };
 
 /// Work of a careful fit.
-const CAREFUL: Effort = Effort { rounds: 6, refresh: 3, ..Effort::FULL };
+pub(super) const CAREFUL: Effort = Effort { rounds: 6, refresh: 3, ..Effort::FULL };
 
 /// The same by wide differences: limit cycles make χ² rough, and over a small difference the roughness is larger than the slope.
 const WIDE: Effort = Effort { difference: 0.5, ..CAREFUL };
@@ -134,11 +134,7 @@ pub(super) struct Explorer<'a> {
 
 impl<'a> Explorer<'a> {
     /// For a problem, the refitted sheet on it, and a catalogue.
-    pub(super) fn new(
-        problem: &'a Problem,
-        nominal: &'a FittedModel,
-        catalogue: &'a [&'static EffectSpec],
-    ) -> Self {
+    pub(super) fn new(problem: &'a Problem, nominal: &'a FittedModel, catalogue: &'a [&'static EffectSpec]) -> Self {
         Self { kappa: kappa(problem), scale: Scale::new(problem, nominal.cost()), problem, nominal, catalogue }
     }
 
@@ -178,7 +174,7 @@ impl<'a> Explorer<'a> {
         let mut known: Vec<(*const FittedModel, Vec<DMatrix<f64>>)> = Vec::new();
         for (point, _) in jobs {
             if known.iter().all(|(other, _)| !std::ptr::eq(*other, *point)) {
-                known.push((*point, self.sheet_slopes(point)));
+                known.push((*point, point.sheet_slopes(self.nominal)));
             }
         }
         let singles = |found: &[Hypothesis]| found.iter().take_while(|one| one.effects.len() == 1).count();
@@ -241,13 +237,6 @@ impl<'a> Explorer<'a> {
         all
     }
 
-    /// Slopes of a model by the parameters of the sheet alone; where they were given up, those of the refitted sheet, good enough to begin with.
-    fn sheet_slopes(&self, model: &FittedModel) -> Vec<DMatrix<f64>> {
-        let count = self.nominal.free_parameters.len();
-        let known = if model.fit.slopes.is_empty() { self.nominal } else { model };
-        known.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
-    }
-
     /// The effects of a proposal at a point, and the unit with them where the fit begins.
     fn placed(&self, point: &FittedModel, proposal: &Proposal) -> (Vec<usize>, Placed) {
         let members = self.members(point, proposal);
@@ -298,17 +287,27 @@ impl<'a> Explorer<'a> {
         (0..model.effects.len()).map(of).filter(is_open).map(|proposal| (model, proposal)).collect()
     }
 
-    /// Proposals of what a model and a set hold together, from where the model stands: the set's further effects at nothing, and as large as in its own
-    /// fit.
-    pub(super) fn widened<'b>(
+    /// What a model and a set hold together, from where the model stands: the set's further effects at nothing, and as large as in its own fit.
+    pub(super) fn widened<'b>(&self, set: &Hypothesis, model: &'b FittedModel) -> [(&'b FittedModel, Proposal); 2] {
+        let further = self.further(set, model);
+        [self.widened_by_nothing(set, model), (model, Proposal::at(model, further))]
+    }
+
+    /// The same with the further effects at nothing alone.
+    pub(super) fn widened_by_nothing<'b>(
         &self,
         set: &Hypothesis,
         model: &'b FittedModel,
-    ) -> impl Iterator<Item = (&'b FittedModel, Proposal)> + use<'b> {
+    ) -> (&'b FittedModel, Proposal) {
+        let nothing = |(effect, _)| (effect, Variant { size: 0.0, further: 0.0 });
+        (model, Proposal::at(model, self.further(set, model).into_iter().map(nothing).collect()))
+    }
+
+    /// The effects of a set that a model lacks, as they stand.
+    fn further(&self, set: &Hypothesis, model: &FittedModel) -> Vec<(usize, Variant)> {
         let mut further = self.members(&set.model, &Proposal::at(&set.model, Vec::new()));
         further.retain(|(effect, _)| !model.has(self.catalogue[*effect].id));
-        let nothing = further.iter().map(|&(effect, _)| (effect, Variant { size: 0.0, further: 0.0 })).collect();
-        [nothing, further].map(|effects| (model, Proposal::at(model, effects))).into_iter()
+        further
     }
 
     /// Fits hypotheses on with care, likeliest first; where the unit chatters the first by wide differences too, and once more those that this brought

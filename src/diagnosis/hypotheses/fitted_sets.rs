@@ -56,15 +56,14 @@ impl KnownSets {
         self.fitted.values().map(|one| one.score).fold(f64::NEG_INFINITY, f64::max) - WITHIN_REACH
     }
 
-    /// Fits sets that cost more than one which they hold anew, from where that one stands, its further effects at nothing and as they were: from nothing a
-    /// fit ends no higher than it began. Smaller sets come first, since larger ones begin there. Of several effects they are given up where the one that
+    /// Fits sets that cost more than one which they hold anew, from where that one stands, the further effects at nothing: from there a fit ends no higher
+    /// than it began. Smaller sets come first, since larger ones begin there. Of several effects they are given up where the one that
     /// they hold is out of reach of the leader.
     fn begin_anew_within(&mut self, explorer: &Explorer<'_>) {
         for size in 1..=MOST {
             let least = self.least_score();
-            let is_hopeless = |set: &Hypothesis| {
-                size > 1 && self.cheaper_within(set).is_some_and(|within| within.score < least)
-            };
+            let is_hopeless =
+                |set: &Hypothesis| size > 1 && self.cheaper_within(set).is_some_and(|within| within.score < least);
             let of_size = self.fitted.values().filter(|one| one.effects.len() == size);
             let hopeless: Vec<Vec<usize>> =
                 of_size.filter(|one| is_hopeless(one)).map(|one| one.effects.clone()).collect();
@@ -73,7 +72,7 @@ impl KnownSets {
             let pairs: Vec<(&Hypothesis, &Hypothesis)> =
                 dear.filter_map(|one| Some((one, self.cheaper_within(one)?))).collect();
             let jobs: Vec<(&FittedModel, Proposal)> =
-                pairs.iter().flat_map(|(set, within)| explorer.widened(set, &within.model)).collect();
+                pairs.iter().map(|(set, within)| explorer.widened_by_nothing(set, &within.model)).collect();
             for hypothesis in explorer.scouted(&jobs) {
                 self.take(hypothesis);
             }

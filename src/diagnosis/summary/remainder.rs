@@ -39,7 +39,8 @@ pub fn remainder(
 
 /// The stage at which something else explains most of what is left.
 fn stage(equations: &ExtendedEquations) -> Option<Stage> {
-    let everywhere = KAPPAS[1..].iter().map(|&kappa| equations.at(kappa, NO_LAW_ERROR)).fold(f64::NEG_INFINITY, f64::max);
+    let everywhere =
+        KAPPAS[1..].iter().map(|&kappa| equations.at(kappa, NO_LAW_ERROR)).fold(f64::NEG_INFINITY, f64::max);
     let all = Stage::ALL.into_iter().map(|stage| (stage, equations.unknown_at(stage) - everywhere));
     all.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, gained)| *gained > LEAST_GAIN).map(|(stage, _)| stage)
 }
