@@ -1,6 +1,8 @@
 //! The search finds what the true values reach: each kind of miss that was met is held here, on recordings of the twin itself.
 
+use govtwin_diagnosis::decision::hyperparameters::Hyperparameters;
 use govtwin_diagnosis::generate::{Scenario, recording, spread};
+use govtwin_diagnosis::hypotheses::table::EvidenceRow;
 use govtwin_diagnosis::identification::calibration::calibrate;
 use govtwin_diagnosis::identification::free_parameter::FreeParameter;
 use govtwin_diagnosis::likelihood::noise::expected;
@@ -83,6 +85,11 @@ fn a_large_clock_offset_is_one_effect_and_not_two_delays() {
     assert!((found - offset_s).abs() < 2.0e-3, "{found}");
     let ids: Vec<&str> = said.blamed.iter().map(|one| one.id.as_str()).collect();
     assert_eq!(ids, ["clock_offset"], "{:?}", said.ranking);
+    // What leads the search leads the posterior.
+    let table = &said.table;
+    let none = table.rows.iter().find(|row| row.effects.is_empty()).unwrap().cost;
+    let score = |row: &EvidenceRow| Hyperparameters::shipped().score(table.samples, none, row.cost, row.effects.len());
+    assert!(table.rows.len() > 4 && table.rows.is_sorted_by(|a, b| score(a) >= score(b)), "{:?}", table.rows);
 }
 
 /// The same of a fit whose effect is chosen.
