@@ -10,6 +10,7 @@ pub mod upkeep;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use govtwin_model::frame;
 use govtwin_model::units::NANOS_PER_SECOND;
 
 /// A ROS 2 message type: what it is called and how it is defined, beside its Rust struct.
@@ -124,6 +125,15 @@ pub struct EsvState {
 }
 
 impl EsvState {
+    /// Of a state at a time since the Unix epoch.
+    pub fn of(time_ns: i64, state: frame::EsvState) -> Self {
+        let state = match state {
+            frame::EsvState::Shutdown => Self::SHUTDOWN,
+            frame::EsvState::Normal => Self::NORMAL,
+        };
+        Self { header: Header::at(time_ns), state }
+    }
+
     /// The control chamber drains to return.
     pub const SHUTDOWN: u8 = 0;
     /// Pilot oil passes to the control chamber.
@@ -143,6 +153,19 @@ pub struct ServoState {
     pub pilot_valve_position: f64,
     /// Control-chamber pressure, Pa gauge.
     pub control_pressure: f64,
+}
+
+impl ServoState {
+    /// Of signals at a time since the Unix epoch.
+    pub fn of(time_ns: i64, signals: &frame::Signals) -> Self {
+        Self {
+            header: Header::at(time_ns),
+            spool_position: signals.spool_position_pu,
+            servomotor_position: signals.servomotor_position_pu,
+            pilot_valve_position: signals.pilot_valve_position_pu,
+            control_pressure: signals.control_pressure_pa,
+        }
+    }
 }
 
 /// `governor_msgs/msg/TwinStatus`.

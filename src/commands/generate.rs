@@ -13,7 +13,6 @@ use govtwin_diagnosis::generate::noise::{Purpose, RandomStreams};
 use govtwin_diagnosis::generate::streams::GeneratedStreams;
 use govtwin_diagnosis::generate::{self, Scenario};
 use govtwin_files::Claim;
-use govtwin_model::frame::EsvState;
 use govtwin_model::parameters::Unit;
 use govtwin_model::params::{self, Overlay};
 use govtwin_model::recording::Process;
@@ -248,11 +247,7 @@ fn messages(process: Process, seed: u64, streams: &GeneratedStreams) -> Vec<(i64
         put(*stamp_ns, BagMessage::Command(msg::GovernorCommand { header, opening: *opening }));
     }
     for (stamp_ns, state) in &streams.esv {
-        let state = match state {
-            EsvState::Shutdown => msg::EsvState::SHUTDOWN,
-            EsvState::Normal => msg::EsvState::NORMAL,
-        };
-        put(*stamp_ns, BagMessage::Esv(msg::EsvState { header: msg::Header::at(*stamp_ns), state }));
+        put(*stamp_ns, BagMessage::Esv(msg::EsvState::of(*stamp_ns, *state)));
     }
     for (stamp_ns, pressure_pa) in &streams.tank_pressure {
         let header = msg::Header::at(*stamp_ns);
@@ -262,14 +257,7 @@ fn messages(process: Process, seed: u64, streams: &GeneratedStreams) -> Vec<(i64
         );
     }
     for (stamp_ns, signals) in &streams.servo_state {
-        let message = msg::ServoState {
-            header: msg::Header::at(*stamp_ns),
-            spool_position: signals.spool_position_pu,
-            servomotor_position: signals.servomotor_position_pu,
-            pilot_valve_position: signals.pilot_valve_position_pu,
-            control_pressure: signals.control_pressure_pa,
-        };
-        put(*stamp_ns, BagMessage::ServoState(message));
+        put(*stamp_ns, BagMessage::ServoState(msg::ServoState::of(*stamp_ns, signals)));
     }
     all.sort_by_key(|(log_time_ns, _)| *log_time_ns);
     all

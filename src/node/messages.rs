@@ -3,20 +3,14 @@
 use super::core::{InputState, Tick};
 use super::health::{Health, HealthFlags};
 use govtwin_bag::msg::{self, Header};
-use govtwin_model::frame::{Estimate, EsvState, Inputs};
+use govtwin_model::frame::{Estimate, Inputs};
 
 /// Names of the two joints, in the order of [`joint_state`].
 pub(crate) const JOINTS: [&str; 2] = ["spool", "servomotor"];
 
 /// The simulated signals, in the units of a plant's own topic.
 pub(crate) fn servo_state(estimate: &Estimate) -> msg::ServoState {
-    msg::ServoState {
-        header: Header::at(estimate.time_ns),
-        spool_position: estimate.signals.spool_position_pu,
-        servomotor_position: estimate.signals.servomotor_position_pu,
-        pilot_valve_position: estimate.signals.pilot_valve_position_pu,
-        control_pressure: estimate.signals.control_pressure_pa,
-    }
+    msg::ServoState::of(estimate.time_ns, &estimate.signals)
 }
 
 /// What stands behind the state of a tick, and what is wrong with inputs and node.
@@ -76,11 +70,7 @@ pub(crate) fn load(load_n: f64, time_ns: i64) -> msg::JointState {
 
 /// The ESV's state as a message stamped `time_ns`.
 pub(crate) fn esv(inputs: &Inputs, time_ns: i64) -> msg::EsvState {
-    let state = match inputs.esv {
-        EsvState::Shutdown => msg::EsvState::SHUTDOWN,
-        EsvState::Normal => msg::EsvState::NORMAL,
-    };
-    msg::EsvState { header: Header::at(time_ns), state }
+    msg::EsvState::of(time_ns, inputs.esv)
 }
 
 /// The tank pressure as a message stamped `time_ns`.

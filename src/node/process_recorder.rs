@@ -330,14 +330,7 @@ mod tests {
             writer.write(command, time_ns, &wire::command(&frame.inputs, time_ns)).unwrap();
             writer.write(esv, time_ns, &wire::esv(&frame.inputs, time_ns)).unwrap();
             writer.write(pressure, time_ns, &wire::tank_pressure(&frame.inputs, time_ns)).unwrap();
-            let signals = frame.measured;
-            let message = govtwin_bag::msg::ServoState {
-                header: govtwin_bag::msg::Header::at(time_ns),
-                spool_position: signals.spool_position_pu,
-                servomotor_position: signals.servomotor_position_pu,
-                pilot_valve_position: signals.pilot_valve_position_pu,
-                control_pressure: signals.control_pressure_pa,
-            };
+            let message = govtwin_bag::msg::ServoState::of(time_ns, &frame.measured);
             writer.write(state, time_ns, &message).unwrap();
         }
         writer.finish().unwrap();

@@ -2,7 +2,8 @@
 
 use super::row::{ImportedRow, Target};
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Header, ServoState};
-use govtwin_model::frame;
+use govtwin_model::frame::Signals;
+use govtwin_model::signal::Signal;
 
 /// The messages of one row, each where the row has something for it.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,30 +22,25 @@ impl RowMessages {
     /// The messages of a row, stamped with its time.
     pub fn of(row: &ImportedRow) -> Self {
         let header = || Header::at(row.time_ns);
-        let state = |state| match state {
-            frame::EsvState::Shutdown => EsvState::SHUTDOWN,
-            frame::EsvState::Normal => EsvState::NORMAL,
+        let signal = |target| row.value(target).unwrap_or(f64::NAN);
+        let signals = Signals {
+            spool_position_pu: signal(Target::SpoolPosition),
+            servomotor_position_pu: signal(Target::ServomotorPosition),
+            pilot_valve_position_pu: signal(Target::PilotValvePosition),
+            control_pressure_pa: signal(Target::ControlPressure),
         };
-        let measured =
-            [Target::SpoolPosition, Target::ServomotorPosition, Target::PilotValvePosition, Target::ControlPressure]
-                .map(|target| row.value(target));
-        let [spool_position, servomotor_position, pilot_valve_position, control_pressure] =
-            measured.map(|value| value.unwrap_or(f64::NAN));
         Self {
             command: row.value(Target::OpeningCommand).map(|opening| GovernorCommand { header: header(), opening }),
-            esv: row.esv().map(|esv| EsvState { header: header(), state: state(esv) }),
+            esv: row.esv().map(|esv| EsvState::of(row.time_ns, esv)),
             tank_pressure: row.value(Target::TankPressure).map(|fluid_pressure| FluidPressure {
                 header: header(),
                 fluid_pressure,
                 variance: 0.0,
             }),
-            servo_state: measured.iter().any(Option::is_some).then(|| ServoState {
-                header: header(),
-                spool_position,
-                servomotor_position,
-                pilot_valve_position,
-                control_pressure,
-            }),
+            servo_state: Signal::ALL
+                .iter()
+                .any(|signal| !signal.of(&signals).is_nan())
+                .then(|| ServoState::of(row.time_ns, &signals)),
         }
     }
 }

@@ -41,11 +41,7 @@ fn written(best: &Experiment, script: &TestScript, path: &Path, sheet: &Paramete
     for (row, frame) in script.frames(sheet.oil.tank_pressure_pa).iter().enumerate() {
         let inputs = &frame.inputs;
         if before != Some(inputs.esv) || row % SLOW_ROWS == 0 {
-            let state = match inputs.esv {
-                EsvState::Shutdown => msg::EsvState::SHUTDOWN,
-                EsvState::Normal => msg::EsvState::NORMAL,
-            };
-            let message = msg::EsvState { header: header(), state };
+            let message = msg::EsvState::of(0, inputs.esv);
             bag.write(&topics.esv, Qos::DEFAULT, frame.time_ns, &message)?;
             before = Some(inputs.esv);
         }

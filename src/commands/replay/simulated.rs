@@ -171,11 +171,7 @@ pub fn lag_of(message: &RawMessage, topics: &Topics) -> Option<i64> {
 }
 
 fn state(estimate: &Estimate) -> ServoState {
-    ServoState {
-        header: Header { frame_id: "govtwin".into(), ..Header::at(estimate.time_ns) },
-        spool_position: estimate.signals.spool_position_pu,
-        servomotor_position: estimate.signals.servomotor_position_pu,
-        pilot_valve_position: estimate.signals.pilot_valve_position_pu,
-        control_pressure: estimate.signals.control_pressure_pa,
-    }
+    let mut state = ServoState::of(estimate.time_ns, &estimate.signals);
+    "govtwin".clone_into(&mut state.header.frame_id);
+    state
 }
