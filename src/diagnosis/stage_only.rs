@@ -74,13 +74,22 @@ fn twins<'a>(found: &'a Explored, decision: &Decision) -> Vec<&'a FittedModel> {
 
 /// The decision without names that free runs on held-out pieces do not bear out; what was taken back is said.
 fn only_predicting(compared: &Compared, mut decision: Decision) -> (Decision, Vec<String>) {
+    let mut said = Vec::new();
+    if let Some(alone) = compared.enough_alone(&decision.blamed).filter(|_| decision.verdict == Verdict::Named) {
+        let others: Vec<String> = decision.blamed.iter().filter(|id| **id != alone).map(|id| id_words(id)).collect();
+        let (others, one) = (others.join(" and "), id_words(alone));
+        said.push(format!(
+            "Not named: {others}, as the stage with it does not predict both halves better than with {one} alone."
+        ));
+        decision.blamed = vec![alone];
+    }
     let blamed = decision.blamed.clone();
     let sets: Vec<Vec<&'static str>> = match decision.verdict {
         Verdict::Named => vec![blamed],
         Verdict::Class => blamed.into_iter().map(|id| vec![id]).collect(),
-        _ => return (decision, Vec::new()),
+        _ => return (decision, said),
     };
-    let (mut kept, mut said) = (Vec::new(), Vec::new());
+    let mut kept = Vec::new();
     for set in sets {
         match compared.against(&set.join(" + ")) {
             None => kept.extend(set),

@@ -199,15 +199,28 @@ impl Compared {
         self.winner().and_then(|plain| PlainKind::titled(&plain.model)).is_some_and(PlainKind::settles)
     }
 
+    /// Of several effects the one that predicts some half of the pieces at least as well alone as all of them do; none where the others are needed too,
+    /// or the free runs were not made.
+    pub(crate) fn enough_alone(&self, effects: &[&'static str]) -> Option<&'static str> {
+        let together = self.twin(&effects.join(" + "))?;
+        let singles = effects.iter().filter_map(|id| Some((*id, self.twin(id)?)));
+        let (id, alone) = singles.min_by(|a, b| a.1.held_out.total_cmp(&b.1.held_out))?;
+        (effects.len() > 1 && (0..2).any(|half| together.halves[half] >= alone.halves[half])).then_some(id)
+    }
+
+    /// The twin with just these effects.
+    fn twin(&self, effects: &str) -> Option<&ComparedModel> {
+        let ids = |name: &str| name.split(" + ").map(str::to_owned).collect::<BTreeSet<String>>();
+        self.models.iter().find(|model| !model.is_plain && ids(&model.model) == ids(effects))
+    }
+
     /// Why effects are not named, in words; none where the free runs bear them out, or were not made.
     ///
     /// The twin with them must predict both halves better than the one without, and than every plain model that has not what they do. One that has it may
     /// win: then they must close nearly as much of the error as it does. In a loop, of which a law of the set point says all
     /// without a valve, the twin must predict both halves better than that.
     pub(crate) fn against(&self, effects: &str) -> Option<String> {
-        let ids = |name: &str| name.split(" + ").map(str::to_owned).collect::<BTreeSet<String>>();
-        let of = |name: &str| self.models.iter().find(|model| !model.is_plain && ids(&model.model) == ids(name));
-        let (without, with) = of("").zip(of(effects))?;
+        let (without, with) = self.twin("").zip(self.twin(effects))?;
         if (0..2).any(|half| with.halves[half] >= without.halves[half]) {
             return Some("the stage with it does not predict both halves better than without".to_owned());
         }
@@ -215,7 +228,7 @@ impl Compared {
         if self.is_loop && self.own_plain().is_some_and(as_well) {
             return Some("the loop with it does not predict both halves better than a law of the set point".to_owned());
         }
-        let lacks = |plain: &&ComparedModel| ids(effects).iter().any(|id| !holds(plain, id));
+        let lacks = |plain: &&ComparedModel| effects.split(" + ").any(|id| !holds(plain, id));
         let mut all = self.models.iter().filter(|model| model.is_plain && self.settles_in_time(model));
         let better = |plain: &ComparedModel| (0..2).all(|half| plain.halves[half] <= with.halves[half]);
         let refuting = all.find(|plain| lacks(plain) && better(plain));
@@ -445,5 +458,17 @@ mod tests {
         assert!(against([0.2; 6], Some((PlainKind::DeadZone, uneven))));
         assert!(!against([0.2; 6], Some((PlainKind::TwoGains, uneven))));
         assert!(compared(Vec::new()).against("load").is_none(), "what was not run says nothing");
+    }
+
+    #[test]
+    fn a_further_effect_is_named_where_both_halves_need_it() {
+        let enough = |together: [f64; 6]| {
+            let one = |name, pieces| model(name, false, pieces);
+            let models = vec![one("load", [0.5; 6]), one("port_wear", [0.9; 6]), one("load + port_wear", together)];
+            compared(models).enough_alone(&["port_wear", "load"])
+        };
+        assert_eq!(enough([0.4; 6]), None);
+        assert_eq!(enough([0.1, 0.1, 0.1, 0.5, 0.5, 0.5]), Some("load"), "one half alone");
+        assert!(compared(Vec::new()).enough_alone(&["load", "port_wear"]).is_none(), "what was not run says nothing");
     }
 }
