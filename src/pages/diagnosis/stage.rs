@@ -104,8 +104,13 @@ fn settling(part: &StageOnly, model: &ComparedModel) -> Option<String> {
         format!(", and {} % of the command's speed fed forward", number(100.0 * share))
     });
     let limits = if limits.is_empty() { String::new() } else { format!("; it {}", limits.join(" and ")) };
+    let derivative = match (integral.as_str(), valve.as_str()) {
+        ("", "") => "",
+        _ => " Derivative action would lengthen the loop's lag and shorten the valve's: it is not told from them.",
+    };
     Some(format!(
-        "{subject} follows {} × {} {sign} {} with {delay}a lag of {} s{integral}{valve}{forward}{limits}{play} (units of the recordings).",
+        "{subject} follows {} × {} {sign} {} with {delay}a lag of {} s{integral}{valve}{forward}{limits}{play} (units of the \
+         recordings).{derivative}",
         number(gain),
         part.driven_by,
         number(level.abs()),
