@@ -24,7 +24,7 @@ use crate::model::discrepancy::{self, Columns};
 use crate::model::support::SIZE_PRIOR;
 use govtwin_model::effects::Stage;
 
-/// Sizes of the error of equations at which evidence is tabulated, in moderate discrepancy terms.
+/// Sizes of the error of equations that are tried, in moderate discrepancy terms.
 pub const KAPPAS: [f64; 4] = [1e-3, 0.03, 0.1, 0.3];
 
 /// Sizes of something unknown at one stage, in moderate discrepancy terms.

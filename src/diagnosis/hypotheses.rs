@@ -54,16 +54,15 @@ pub struct Explored {
     /// The linear picture there.
     pub linearisation: Linearisation,
     /// What discrepancy terms on top of any set share, once anybody asked.
-    shared: OnceLock<Arc<Shared>>,
+    shared: OnceLock<Shared>,
     /// The refitted sheet beside the discrepancy terms, once anybody asked.
     extended: OnceLock<ExtendedEquations>,
 }
 
 impl Explored {
     /// What discrepancy terms on top of any set share.
-    pub(crate) fn shared(&self, problem: &Problem) -> Arc<Shared> {
-        let new = || Arc::new(Shared::new(problem, &self.discrepancy, self.refitted().cost()));
-        Arc::clone(self.shared.get_or_init(new))
+    pub(crate) fn shared(&self, problem: &Problem) -> &Shared {
+        self.shared.get_or_init(|| Shared::new(problem, &self.discrepancy, self.refitted().cost()))
     }
 
     /// The sheet refitted, without any effect.

@@ -14,7 +14,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::law_error::limits;
+use super::law_error::{LAW_ERROR, limits};
 use super::{ExtendedEquations, Shared};
 use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
@@ -203,14 +203,9 @@ impl Calibration {
 }
 
 impl Shared {
-    /// The strongest distortion that a fitted model leaves, its equations and laws wrong by these sizes; none where nothing can be tested.
-    pub fn distortion(
-        &self,
-        problem: &Problem,
-        model: &FittedModel,
-        normal: &ExtendedEquations,
-        sizes: (f64, f64),
-    ) -> Option<Distortion> {
+    /// The strongest distortion that a fitted model leaves, its equations as wrong as is likeliest, its laws as usual; none where nothing can be tested.
+    pub fn distortion(&self, problem: &Problem, model: &FittedModel) -> Option<Distortion> {
+        let equations = self.extended(model);
         let laws: Vec<DMatrix<f64>> = {
             let limits = limits(model, self.without_effects);
             (0..problem.recordings.len()).map(|recording| self.modulations.marks(model, recording, &limits)).collect()
@@ -223,8 +218,8 @@ impl Shared {
                 marks: [&self.columns.marks[k], &laws[k]],
             })
             .collect();
-        let calibration = Calibration::new(normal, sizes)?;
-        let zeros = Sums::zeros(normal.slopes(), normal.gradient.len() - normal.slopes());
+        let calibration = Calibration::new(&equations, (equations.likeliest_kappa(LAW_ERROR), LAW_ERROR))?;
+        let zeros = Sums::zeros(equations.slopes(), equations.gradient.len() - equations.slopes());
         let mut strongest: Option<(f64, Signal, Place)> = None;
         let mut count = 0.0;
         let mut test = |sums: &Sums, signal: Signal, place: &dyn Fn() -> Place| {

@@ -3,8 +3,7 @@
 //! The law of a true effect is never the catalogue's. Its error is a share of what the effect does, and it varies slowly: a transducer's offset
 //! drifts, a leak depends on where the spool stands. To first order the true residuals are those of the fit plus `Σ v_k m_k ∘ s ∂r/∂s`, with s the
 //! fitted size, m_k a few modulations of unit size, and `v ~ N(0, ρ²)`: model discrepancy as a multiplicative term (Kennedy & O'Hagan 2001, *J. R.
-//! Stat. Soc. B* 63(3); a constant modulation is the size itself). With v integrated out, what a further effect gains by mending another one's law
-//! is no evidence for it.
+//! Stat. Soc. B* 63(3); a constant modulation is the size itself). With v integrated out, what a law's error leaves does not stand out.
 
 use nalgebra::DMatrix;
 
@@ -14,6 +13,9 @@ use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
 use govtwin_model::recording::Process;
 use govtwin_model::signal::Signal;
+
+/// A law's error that is usual, as a share of what the effect does.
+pub const LAW_ERROR: f64 = 0.05;
 
 /// A law's error that is none, as a share of what the effect does.
 pub const NO_LAW_ERROR: f64 = 1e-3;

@@ -22,11 +22,8 @@ use crate::model::support::{Placed, Variant, add};
 use govtwin_model::effects::EffectSpec;
 use govtwin_model::twin::Cut;
 
-/// Error of equations that proposals and rankings count with, in moderate discrepancy terms.
+/// Error of equations that proposals count with, in moderate discrepancy terms.
 pub const KAPPA: f64 = 0.03;
-
-/// Error of laws that rankings count with, as a share of what an effect does.
-pub(super) const LAW_ERROR: f64 = 0.05;
 
 /// Logarithm of the odds against each further effect that proposals count with.
 pub(crate) const RARITY: f64 = 5.0;

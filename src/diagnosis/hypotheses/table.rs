@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::evidence::distortion::Distortion;
 use crate::hypotheses::Explored;
-use crate::hypotheses::explorer::{Hypothesis, LAW_ERROR};
+use crate::hypotheses::explorer::Hypothesis;
 use crate::likelihood::problem::Problem;
 use govtwin_model::effects::EffectSpec;
 use govtwin_model::stored::{all_unbounded, unbounded};
@@ -92,9 +92,7 @@ impl EvidenceTable {
             if !is_asked || hypothesis.model.fit.slopes.is_empty() {
                 continue;
             }
-            let extended = shared.extended(&hypothesis.model);
-            let kappa = extended.likeliest_kappa(LAW_ERROR);
-            row.distortion = shared.distortion(problem, &hypothesis.model, &extended, (kappa, LAW_ERROR));
+            row.distortion = shared.distortion(problem, &hypothesis.model);
         }
     }
 
