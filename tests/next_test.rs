@@ -133,7 +133,7 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
     let of = |sets: Vec<(usize, f64)>| Posterior { sets, ..Posterior::default() };
     let open = of(vec![(one, 0.5), (other, 0.5)]);
     let decision = Decision::new(&table, &open, &catalogue());
-    let left = survivors(&found, &table, &open, &decision);
+    let left = survivors(&problem, &found, &table, &open, &decision);
     assert_eq!(left.iter().map(|one| one.probability).collect::<Vec<_>>(), [0.5, 0.5]);
     let before = problem.simulations();
     let proposed = design(&problem, &found, (&table, &open, &Hyperparameters::shipped()), &decision);
