@@ -362,7 +362,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     use super::{BINS, Calibration, Sums, bin, edges};
-    use crate::evidence::{NormalEquations, RecordingNormal};
+    use crate::evidence::{ExtendedEquations, NormalEquations, RecordingNormal};
 
     /// A fit takes some of the noise away and errors of equations bring some: the variance of a test counts both. A parameter that is held, the last of
     /// four, has slopes and takes nothing.
@@ -382,17 +382,14 @@ mod tests {
         hessian.view_mut((0, 0), (4, 4)).copy_from(&(&squares + DMatrix::identity(4, 4)));
         hessian.view_mut((4, 0), (2, 3)).copy_from(&marks.tr_mul(&followed));
         let part = RecordingNormal { cost: 0.0, hessian: squares.clone(), gradient: DVector::zeros(4) };
-        let equations = NormalEquations {
+        let fit = NormalEquations {
             cost: 0.0,
-            slopes: 4,
-            terms: 2,
-            hessian,
-            gradient: DVector::zeros(6),
-            sizes: 0.0,
-            log_precision: 0.0,
+            hessian: hessian.view((0, 0), (4, 4)).into_owned(),
+            gradient: DVector::zeros(4),
             parts: vec![part],
             held: vec![3],
         };
+        let equations = ExtendedEquations { fit, terms: 2, hessian, gradient: DVector::zeros(6) };
         let calibration = Calibration::new(&equations, (KAPPA, 0.0)).unwrap();
         let inverse = (&followed.tr_mul(&followed) + DMatrix::identity(3, 3)).try_inverse().unwrap();
         let window = 30..70;
