@@ -185,8 +185,16 @@ impl Singles {
 pub(crate) struct Found {
     /// The linear picture at the refitted sheet.
     linearisation: Linearisation,
-    /// Effects of the sets that were fitted, likeliest first, and where all of their free parameters stood, the sheet's first.
-    sets: Vec<(Vec<(usize, Variant)>, Vec<f64>)>,
+    /// The sets that were fitted, likeliest first.
+    sets: Vec<FoundSet>,
+}
+
+/// A fitted set.
+struct FoundSet {
+    /// Places of its effects in the catalogue, with size and shape.
+    effects: Vec<(usize, Variant)>,
+    /// Where its free parameters stand, the sheet's first.
+    positions: Vec<f64>,
 }
 
 /// An exploration on its way: fault sets of a catalogue fitted from the refitted sheet and from the sheet itself.
@@ -230,9 +238,9 @@ impl<'a> Exploration<'a> {
     /// What it found, to begin again with.
     pub(crate) fn found(self) -> Found {
         let sets = self.known.ordered().into_iter().filter(|one| !one.effects.is_empty());
-        let placed = |one: &Hypothesis| {
-            let effects = self.explorer.members(&one.model, &Proposal::at(&one.model, Vec::new()));
-            (effects, one.model.fit.positions.clone())
+        let placed = |one: &Hypothesis| FoundSet {
+            effects: self.explorer.members(&one.model, &Proposal::at(&one.model, Vec::new())),
+            positions: one.model.fit.positions.clone(),
         };
         Found { sets: sets.map(placed).collect(), linearisation: self.linearisation }
     }
@@ -248,7 +256,7 @@ impl<'a> Exploration<'a> {
     ) -> Self {
         let (explorer, discrepancy, known) = Self::placed(problem, refitted, catalogue, progress);
         progress("fitting the likeliest sets again", 0.4);
-        let at = |(effects, positions): (Vec<(usize, Variant)>, Vec<f64>)| {
+        let at = |FoundSet { effects, positions }: FoundSet| {
             let from = &refitted.fit.positions;
             let change = DVector::from_fn(from.len(), |k, _| positions[k] - from[k]);
             (refitted, Proposal { change, ..Proposal::at(refitted, effects) })
