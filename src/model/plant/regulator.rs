@@ -136,7 +136,11 @@ impl Regulator {
             return (0.0, 0.0);
         }
         let spread = gain * sigma;
+        // A band is many deviations wide: near one of its edges the other branch is out of reach.
         let branch = |level: f64, z: f64, side: f64| {
+            if z < -FAR {
+                return (0.0, 0.0);
+            }
             let (phi, density) = (normal_cdf(z), normal_density(z));
             let mean = level * phi + side * spread * density;
             let square =
