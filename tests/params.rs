@@ -197,7 +197,7 @@ fn wrong_types_are_told() {
         ("effects: {backlash: {play: 0.1}}", "1 effects.backlash.play: unknown key; did you mean `play_pu`?"),
         (
             "effects: {backlash: {play_pu: 2}}",
-            "1 effects.backlash.play_pu: 2.0 pu is outside the physical range, 0.0 to 0.03 pu",
+            "1 effects.backlash.play_pu: 2.0 pu is outside the physical range, 0.0 to 0.1 pu",
         ),
     ] {
         assert_eq!(problems(text), [expected], "{text}");

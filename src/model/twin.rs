@@ -23,7 +23,7 @@ use crate::units::nanos_from_seconds;
 
 use hold::Hold;
 use now::{Acting, Demand, Now, esv_opening_pu};
-use readings::positions_pu;
+use readings::{piston_reading_pu, positions_pu};
 use tick::{Chain, Seen, Setting, TickReads, large_loop, tick};
 
 /// Where recorded signals replace simulated ones, so that one stage is evaluated with its own input.
@@ -195,8 +195,15 @@ impl Twin {
         }
     }
 
-    /// Sets the steady state that a first frame describes; what comes late at a point may keep its history.
-    fn start(&mut self, frame: &Frame, keeps_history: Option<Point>) {
+    /// Places the piston where a frame is the first to measure it. What drove it before stays in memory: a spool that acts late, and on which side of a gap,
+    /// or how far behind the piston, its reading is.
+    fn place(&mut self, frame: &Frame) {
+        let piston_pu = piston_reading_pu(&self.plant.blocks(), &self.now.state, 0.0);
+        self.start(frame, Some(self.now.servomotor_reading_pu - piston_pu));
+    }
+
+    /// Sets the steady state that a first frame describes, or that one behind a history, of which it keeps how far the reading is off the piston, pu.
+    fn start(&mut self, frame: &Frame, reading_off_pu: Option<f64>) {
         let plant = &*self.plant;
         let now = &mut self.now;
         self.running = true;
@@ -216,8 +223,9 @@ impl Twin {
         let bias_pu = plant.servomotor.reading_bias_pu;
         now.is_placed = self.setting.cut != Cut::Spool || measured_pu.is_finite();
         let unmeasured_pu = if now.is_placed || (0.0..=1.0).contains(&wanted_pu) { wanted_pu } else { HALF_OPEN_PU };
-        let position_pu = (first_finite([measured_pu, unmeasured_pu, 0.0]) - bias_pu).clamp(0.0, 1.0);
-        let reading_pu = position_pu + bias_pu;
+        let off_pu = reading_off_pu.unwrap_or(0.0);
+        let position_pu = (first_finite([measured_pu, unmeasured_pu, 0.0]) - bias_pu - off_pu).clamp(0.0, 1.0);
+        let reading_pu = position_pu + bias_pu + off_pu;
 
         // At rest when the error sits in the dead band; else on its way as measured.
         let error_pu = wanted_pu - reading_pu;
@@ -246,7 +254,7 @@ impl Twin {
         now.demand = Demand { spool_command_pu: 0.0, sd_pu: 0.0 };
         self.hold.reset();
         now.servomotor_reading_pu = reading_pu;
-        self.settle(keeps_history);
+        self.settle(reading_off_pu.map(|_| Point::DrivingSpool));
     }
 
     /// Sets the memories of all terms, but those at one point, to their steady state at the present signals.
@@ -292,7 +300,7 @@ impl Twin {
         self.now.coming.renew(&frame.inputs);
         self.now.take(frame);
         if self.now.is_placed_by(frame) {
-            self.start(frame, Some(Point::DrivingSpool));
+            self.place(frame);
         }
     }
 

@@ -10,7 +10,7 @@
 //! | Y, Y_r | piston position, reading | pu |
 //!
 //! Without it the real reading starts late after each reversal and stays behind by b until the next. Limits:
-//! a gap without mass or friction of its own; it starts in mid-gap.
+//! a gap without mass or friction of its own; it starts in mid-gap, or where what drove the servomotor before the first position left it.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ use crate::plant::term::play::Play;
 /// The effect.
 pub(crate) const SPEC: EffectSpec = effect! {
     "backlash", Servomotor, apply;
-    "play_pu" ["pu"] 0.0 ..= 0.03, neutral 0.0, typical 2.0e-3: "play between piston and transducer, pu of stroke";
+    "play_pu" ["pu"] 0.0 ..= 0.1, neutral 0.0, typical 2.0e-3: "play between piston and transducer, pu of stroke";
 };
 
 fn apply([play_pu]: [f64; 1], plant: &mut Plant) {

@@ -142,7 +142,8 @@ impl LaneWork for BatchRun<'_, '_> {
             now.take(frame);
             if now.is_placed_by(frame) {
                 for (lane, twin) in side.twins.iter_mut().enumerate() {
-                    twin.start(&row.of(lane).frame, Some(Point::DrivingSpool));
+                    twin.now = now.lane(lane);
+                    twin.place(&row.of(lane).frame);
                 }
                 let started: Vec<&Now> = side.twins.iter().map(|twin| &twin.now).collect();
                 let Some(placed) = Now::abreast(&started, zero) else { return };

@@ -51,21 +51,28 @@ fn a_piston_is_where_it_is_first_measured_whatever_drove_it_before() {
     }
 }
 
+/// What effects add behind a spool goes on from what drove it before the first position: a spool that acts late, a gap whose side is known, a reading that lags.
 #[test]
-fn what_comes_late_behind_the_spool_has_its_history() {
-    let mut unit = reference();
-    unit.effects = vec![EffectSetting { id: "valve_lag".to_owned(), values: vec![0.4] }];
-    let twin = Twin::new(&unit).with_cut(Cut::Spool);
-    let moved = |positions: &[f64]| positions.iter().map(|y| y - positions[0]).collect::<Vec<f64>>();
-    let late = moved(&positions(&mut twin.clone(), &rows(60, 50_000_000)));
-    let mut whole = rows(60, 50_000_000);
-    (whole[0].measured.servomotor_position_pu, whole[60].measured.servomotor_position_pu) = (0.4, f64::NAN);
-    let wanted = moved(&positions(&mut twin.clone(), &whole));
-    let apart = late.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    // Where the piston begins makes a small difference of its own; a lag without its history would be off by much more.
-    let alone = moved(&positions(&mut twin.clone(), &rows(0, 50_000_000)));
-    let without = alone.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    assert!(apart < 0.5 * without, "{apart} of {without}");
+fn what_lies_behind_the_spool_has_its_history() {
+    for (effect, value) in [("valve_lag", 0.4), ("backlash", 0.02), ("feedback_lag", 0.3)] {
+        let mut unit = reference();
+        unit.effects = vec![EffectSetting { id: effect.to_owned(), values: vec![value] }];
+        let twin = Twin::new(&unit).with_cut(Cut::Spool);
+        let moved = |positions: &[f64]| positions.iter().map(|y| y - positions[0]).collect::<Vec<f64>>();
+        let behind = moved(&positions(&mut twin.clone(), &rows(60, 50_000_000)));
+        let mut whole = rows(60, 50_000_000);
+        (whole[0].measured.servomotor_position_pu, whole[60].measured.servomotor_position_pu) = (0.4, f64::NAN);
+        let wanted = moved(&positions(&mut twin.clone(), &whole));
+        let apart = behind.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        // Where the piston begins makes a small difference of its own; without a history it would be off by much more.
+        let alone = moved(&positions(&mut twin.clone(), &rows(0, 50_000_000)));
+        let without = alone.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart < 0.5 * without, "{effect}: {apart} of {without}");
+        let lanes = rows(60, 50_000_000).into_iter().map(|frame| BatchRow { frame, is_sample: frame.time_ns >= 0 });
+        let beside = batch::estimates(Width::holding(2).unwrap(), &mut [twin.clone(), twin], vec![lanes]);
+        let beside: Vec<f64> = beside[1].iter().map(|estimate| estimate.signals.servomotor_position_pu).collect();
+        assert_eq!(moved(&beside), behind, "{effect}");
+    }
 }
 
 #[test]
