@@ -1,4 +1,4 @@
-//! The normal equations of a fitted model, and what discrepancy terms on top of it would gain.
+//! What discrepancy terms on top of a fitted model would gain.
 //!
 //! Terms of a size count by `ln Z = −½ cost + ½ |yᵦ|² − ½ ln |H| + ½ ln |P|` with `L y = g`, `H = L Lᵀ` (Laplace's method; MacKay 1992), up to what all
 //! sizes share: g and H are gradient and Hessian of residuals and priors over the free parameters and, behind them, the discrepancy terms β; P is the
@@ -13,15 +13,13 @@ use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::estimation::coordinate::Coordinate;
 use crate::estimation::linear::crossed;
 use crate::evidence::law_error::{Modulations, NO_LAW_ERROR, limits};
-use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
 use crate::model::discrepancy::{self, Columns};
-use crate::model::support::SIZE_PRIOR;
+use crate::model::normal_equations::NormalEquations;
 use govtwin_model::effects::Stage;
 
 /// Sizes of the error of equations that are tried, in moderate discrepancy terms.
@@ -29,27 +27,6 @@ pub const KAPPAS: [f64; 4] = [1e-3, 0.03, 0.1, 0.3];
 
 /// Sizes of something unknown at one stage, in moderate discrepancy terms.
 pub const UNKNOWN_SIZES: [f64; 3] = [1.0, 4.0, 16.0];
-
-/// Normal equations of a fitted model: residuals and priors along its free parameters.
-#[derive(Clone, Debug)]
-pub struct NormalEquations {
-    cost: f64,
-    /// Priors included.
-    hessian: DMatrix<f64>,
-    gradient: DVector<f64>,
-    /// What each recording has to say.
-    parts: Vec<RecordingNormal>,
-    /// Free parameters that are held at a bound: they follow nothing.
-    held: Vec<usize>,
-}
-
-/// One recording's part in the normal equations.
-#[derive(Clone, Debug)]
-struct RecordingNormal {
-    cost: f64,
-    hessian: DMatrix<f64>,
-    gradient: DVector<f64>,
-}
 
 /// Normal equations of a model beside the discrepancy terms.
 #[derive(Clone, Debug)]
@@ -82,7 +59,7 @@ impl Shared {
 
     /// The normal equations of a fitted model that has its slopes, beside the discrepancy terms and the errors of its effects' laws.
     pub fn extended(&self, model: &FittedModel) -> ExtendedEquations {
-        let fit = NormalEquations::new(model);
+        let fit = model.normal.clone();
         let (n, b) = (model.free_parameters.len(), self.gram.nrows());
         let laws = self.modulations.count(model);
         let limits = limits(model, self.without_effects);
@@ -117,69 +94,14 @@ impl Shared {
     }
 }
 
-impl NormalEquations {
-    /// Those of a fitted model that has its slopes.
-    pub fn new(model: &FittedModel) -> Self {
-        let n = model.free_parameters.len();
-        let of = |(residuals, slopes): (&DVector<f64>, &DMatrix<f64>)| RecordingNormal {
-            cost: residuals.norm_squared(),
-            hessian: crossed(slopes, slopes),
-            gradient: slopes.tr_mul(residuals),
-        };
-        let mut parts: Vec<RecordingNormal> = model.fit.residuals.iter().zip(&model.fit.slopes).map(of).collect();
-        let is_held = |k: &usize| {
-            let (free_parameter, position) = (&model.free_parameters[*k], model.fit.positions[*k]);
-            let (low, high) = free_parameter.range(&model.base);
-            free_parameter.prior_centre().is_some() && (position <= low || position >= high) && low < high
-        };
-        let held: Vec<usize> = (0..n).filter(is_held).collect();
-        for part in &mut parts {
-            for &k in &held {
-                part.hessian.row_mut(k).fill(0.0);
-                part.hessian.column_mut(k).fill(0.0);
-                part.gradient[k] = 0.0;
-            }
-        }
-        let mut hessian = parts.iter().fold(DMatrix::zeros(n, n), |sum, part| sum + &part.hessian);
-        let mut gradient = parts.iter().fold(DVector::zeros(n), |sum, part| sum + &part.gradient);
-        for (k, free_parameter) in model.free_parameters.iter().enumerate() {
-            let position = model.fit.positions[k];
-            if !held.contains(&k) {
-                gradient[k] += free_parameter.prior_centre().map_or(0.0, |centre| position - centre);
-            }
-            hessian[(k, k)] += match free_parameter {
-                FreeParameter::Effect { parameter: 0, .. } => 1.0 / (SIZE_PRIOR.1 * position.abs().max(1e-3)).powi(2),
-                FreeParameter::Free { .. } => 1e-6,
-                _ => 1.0,
-            };
-        }
-        Self { cost: model.fit.cost(), hessian, gradient, parts, held }
-    }
-
-    /// By how much the cost could still fall by the slopes at hand: next to nothing where a fit has ended.
-    pub fn unfinished(&self) -> f64 {
-        let Some(cholesky) = Cholesky::new(self.hessian.clone()) else { return 0.0 };
-        self.gradient.dot(&cholesky.solve(&self.gradient))
-    }
-
-    /// The cost of all recordings but each in turn: one Gauss-Newton step refits the rest.
-    pub fn cost_without_each(&self) -> Vec<f64> {
-        let of = |part: &RecordingNormal| {
-            let gain = Cholesky::new(&self.hessian - &part.hessian)
-                .map_or(0.0, |cholesky| part.gradient.dot(&cholesky.solve(&part.gradient)));
-            self.cost - part.cost - gain
-        };
-        self.parts.iter().map(of).collect()
-    }
-}
-
 /// Logarithm of the determinant from a Cholesky factor.
 fn log_determinant(cholesky: &Cholesky<f64, nalgebra::Dyn>) -> f64 {
     2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>()
 }
 
 impl ExtendedEquations {
-    /// Logarithm of the evidence, up to what all sizes share, where the terms are of these sizes, and errors of laws of this one.
+    /// Logarithm of the evidence, up to what all sizes share, where the terms are of these sizes, and errors of laws of this one; 0, which says
+    /// nothing, where rounding leaves the equations without a solution.
     fn with_terms(&self, size: impl Fn(usize) -> f64, law_error: f64) -> f64 {
         let n = self.slopes();
         let mut h = self.hessian.clone();
@@ -189,7 +111,7 @@ impl ExtendedEquations {
             h[(n + k, n + k)] += precision;
             log_precision += precision.ln();
         }
-        let Some(cholesky) = Cholesky::new(h) else { return f64::NEG_INFINITY };
+        let Some(cholesky) = Cholesky::new(h) else { return 0.0 };
         let gain = self.gain_of_terms(&cholesky, &self.gradient);
         0.5 * (gain - log_determinant(&cholesky) + log_precision)
     }

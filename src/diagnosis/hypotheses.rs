@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::estimation::fit::{Start, fit_all};
 use crate::evidence::{ExtendedEquations, Shared};
 use crate::hypotheses::explorer::{
-    CAREFUL, Explorer, Hypothesis, LEAST_GAIN, RARITY, Scale, is_stage_alone, worthwhile,
+    CAREFUL, Explorer, Hypothesis, LEAST_GAIN, Scale, is_stage_alone, worthwhile,
 };
 use crate::hypotheses::fitted_sets::KnownSets;
 use crate::hypotheses::linearisation::{Linearisation, Proposal};
@@ -216,7 +216,7 @@ impl<'a> Exploration<'a> {
         catalogue: &'a [&'static EffectSpec],
         progress: &(dyn Fn(&str, f64) + Sync),
     ) -> Self {
-        let (explorer, discrepancy, known) = Self::placed(problem, refitted, catalogue, progress);
+        let (explorer, discrepancy, known) = Self::prepared(problem, refitted, catalogue, progress);
         progress("weighing all sets of up to three effects", 0.25);
         let linearisation = explorer.picture(refitted, &moved_to(refitted, catalogue, &singles.places), &discrepancy);
         let from_sheet = explorer.picture(sheet, &singles.places, &discrepancy);
@@ -254,7 +254,7 @@ impl<'a> Exploration<'a> {
         catalogue: &'a [&'static EffectSpec],
         progress: &(dyn Fn(&str, f64) + Sync),
     ) -> Self {
-        let (explorer, discrepancy, known) = Self::placed(problem, refitted, catalogue, progress);
+        let (explorer, discrepancy, known) = Self::prepared(problem, refitted, catalogue, progress);
         progress("fitting the likeliest sets again", 0.4);
         let at = |FoundSet { effects, positions }: FoundSet| {
             let from = &refitted.fit.positions;
@@ -266,7 +266,7 @@ impl<'a> Exploration<'a> {
     }
 
     /// What every exploration begins with: the marks of the discrepancy terms, and the sheet alone among the known sets.
-    fn placed(
+    fn prepared(
         problem: &'a Problem,
         refitted: &'a FittedModel,
         catalogue: &'a [&'static EffectSpec],
@@ -348,7 +348,7 @@ fn proposals_at(
     let picture = explorer.picture(leader, &explorer.profiles(leader), discrepancy);
     let mut proposals = picture.proposals(MOST - leader.effects.len());
     let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
-    let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);
+    let odds = |proposal: &Proposal| proposal.log_evidence - explorer.scale.rarity() * further(proposal);
     proposals.sort_by(|a, b| odds(b).total_cmp(&odds(a)));
     let is_worth_it = |proposal: &Proposal| {
         let effects: Vec<usize> = explorer.members(leader, proposal).into_iter().map(|(effect, _)| effect).collect();

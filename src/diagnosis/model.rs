@@ -2,16 +2,17 @@
 
 pub mod consistency;
 pub mod discrepancy;
+pub mod normal_equations;
 pub mod search;
 pub(crate) mod support;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use crate::estimation::coordinate::{Coordinate, prior_square, square, subject_at};
 use crate::estimation::fit::{Effort, Fit, Start, pictured};
-use crate::estimation::linear::normal;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
+use crate::model::normal_equations::{NormalEquations, covariance, parts};
 use crate::model::support::{Placed, Variant, add};
 use govtwin_model::effects::EffectSpec;
 use govtwin_model::parameters::Unit;
@@ -27,6 +28,8 @@ pub struct FittedModel {
     pub free_parameters: Vec<FreeParameter>,
     /// The fit; a model that was only scouted keeps neither residuals nor slopes.
     pub fit: Fit,
+    /// Its normal equations.
+    pub normal: NormalEquations,
     /// Covariance of the free parameters about the fit.
     pub spread: DMatrix<f64>,
 }
@@ -34,8 +37,10 @@ pub struct FittedModel {
 impl FittedModel {
     /// A model as fitted.
     pub fn new(effects: Vec<&'static EffectSpec>, base: Unit, free_parameters: Vec<FreeParameter>, fit: Fit) -> Self {
-        let spread = covariance(&free_parameters, &fit);
-        Self { effects, base, free_parameters, fit, spread }
+        let parts = parts(&fit);
+        let spread = covariance(&free_parameters, &parts);
+        let normal = NormalEquations::new(&base, &free_parameters, &fit, parts);
+        Self { effects, base, free_parameters, fit, normal, spread }
     }
 
     /// The unit without effects of ours, as the sheet has it, unfitted.
@@ -181,15 +186,6 @@ impl FittedModel {
         let known = (!self.fit.slopes.is_empty()).then_some(self.fit.slopes.as_slice());
         Start { base: &self.base, coordinates: &self.free_parameters, positions: &self.fit.positions, effort, known }
     }
-}
-
-/// Covariance of the free parameters about a fit; infinite where it says nothing.
-pub fn covariance(free_parameters: &[FreeParameter], fit: &Fit) -> DMatrix<f64> {
-    let (hessian, _) = normal(free_parameters, &fit.positions, &fit.residuals, &fit.slopes, 1.0);
-    let n = free_parameters.len();
-    (hessian + DMatrix::identity(n, n) * 1e-9)
-        .try_inverse()
-        .unwrap_or_else(|| DMatrix::from_diagonal(&DVector::from_element(n, f64::INFINITY)))
 }
 
 #[cfg(test)]

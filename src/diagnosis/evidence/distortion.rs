@@ -362,7 +362,8 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     use super::{BINS, Calibration, Sums, bin, edges};
-    use crate::evidence::{ExtendedEquations, NormalEquations, RecordingNormal};
+    use crate::evidence::ExtendedEquations;
+    use crate::model::normal_equations::{NormalEquations, RecordingNormal};
 
     /// A fit takes some of the noise away and errors of equations bring some: the variance of a test counts both. A parameter that is held, the last of
     /// four, has slopes and takes nothing.

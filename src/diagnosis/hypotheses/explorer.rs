@@ -11,7 +11,7 @@ use crate::decision::hyperparameters::Hyperparameters;
 use crate::estimation::annealing::annealed;
 use crate::estimation::coordinate::Coordinate;
 use crate::estimation::fit::{Effort, Fit, Start, fit_all};
-use crate::evidence::{KAPPAS, NormalEquations};
+use crate::evidence::KAPPAS;
 use crate::hypotheses::linearisation::{Linearisation, Proposal};
 use crate::hypotheses::profile::{ProfilePlace, profiles};
 use crate::identification::free_parameter::FreeParameter;
@@ -24,9 +24,6 @@ use govtwin_model::twin::Cut;
 
 /// Error of equations that proposals count with, in moderate discrepancy terms.
 pub const KAPPA: f64 = 0.03;
-
-/// Logarithm of the odds against each further effect that proposals count with.
-pub(crate) const RARITY: f64 = 5.0;
 
 /// Fitted sets that are fitted on with care, each time.
 const REFINED: usize = 4;
@@ -62,8 +59,6 @@ pub struct Hypothesis {
     pub effects: Vec<usize>,
     /// The model; without residuals and slopes where it is far from the leader.
     pub model: FittedModel,
-    /// Its normal equations.
-    pub normal: NormalEquations,
     /// Logarithm of its evidence, and of the odds against so many effects: what the posterior counts.
     pub score: f64,
     /// Whether it was fitted with care.
@@ -79,7 +74,7 @@ impl Hypothesis {
     /// Weighs a fitted model.
     pub(super) fn new(scale: &Scale, effects: Vec<usize>, model: FittedModel, refined: bool) -> Self {
         let score = scale.score(model.cost(), effects.len());
-        Self { effects, normal: NormalEquations::new(&model), model, score, refined }
+        Self { effects, model, score, refined }
     }
 }
 
@@ -101,6 +96,11 @@ impl Scale {
     /// The score of a set of so many effects that costs so much.
     pub(super) fn score(&self, cost: f64, effects: usize) -> f64 {
         self.numbers.score(self.samples, self.without_effects, cost, effects)
+    }
+
+    /// Logarithm of the odds against each further effect.
+    pub(super) fn rarity(&self) -> f64 {
+        self.numbers.rarity
     }
 }
 
@@ -176,7 +176,7 @@ impl<'a> Explorer<'a> {
         }
         let singles = |found: &[Hypothesis]| found.iter().take_while(|one| one.effects.len() == 1).count();
         let places: Vec<(Vec<usize>, Placed)> =
-            jobs.iter().map(|(point, proposal)| self.placed(point, proposal)).collect();
+            jobs.iter().map(|(point, proposal)| self.begun_at(point, proposal)).collect();
         let several = places.iter().filter(|(effects, _)| effects.len() > 1).count().div_ceil(PURSUED);
         let mut found: Vec<Hypothesis> = Vec::new();
         for (jobs, places) in jobs.chunks(TOGETHER).zip(places.chunks(TOGETHER)) {
@@ -235,7 +235,7 @@ impl<'a> Explorer<'a> {
     }
 
     /// The effects of a proposal at a point, and the unit with them where the fit begins.
-    fn placed(&self, point: &FittedModel, proposal: &Proposal) -> (Vec<usize>, Placed) {
+    fn begun_at(&self, point: &FittedModel, proposal: &Proposal) -> (Vec<usize>, Placed) {
         let members = self.members(point, proposal);
         let positions = (0..self.nominal.free_parameters.len()).map(|k| {
             let (low, high) = self.nominal.free_parameters[k].range(&self.nominal.base);

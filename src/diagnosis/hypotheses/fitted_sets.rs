@@ -98,7 +98,7 @@ impl KnownSets {
     pub(super) fn refine(&mut self, explorer: &Explorer<'_>) {
         self.begin_anew_within(explorer);
         let promise = |one: &Hypothesis| {
-            let further = if one.refined { 0.0 } else { one.normal.unfinished() };
+            let further = if one.refined { 0.0 } else { one.model.normal.unfinished() };
             explorer.scale.score(one.model.cost() - further, one.effects.len())
         };
         let mut promising: Vec<(f64, &Hypothesis)> = self.fitted.values().map(|one| (promise(one), one)).collect();

@@ -113,7 +113,7 @@ impl EvidenceTable {
                 cost: model.fit.cost(),
                 prior: model.fit.prior,
                 prior_per_parameter: model.prior_per_parameter(),
-                cost_without_each: hypothesis.normal.cost_without_each(),
+                cost_without_each: hypothesis.model.normal.cost_without_each(),
                 sizes: sizes.collect(),
                 distortion: None,
                 left_out_square: None,

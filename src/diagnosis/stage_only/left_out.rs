@@ -2,8 +2,8 @@
 
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
+use crate::decision::hyperparameters::Hyperparameters;
 use crate::hypotheses::Explored;
-use crate::hypotheses::explorer::RARITY;
 use crate::hypotheses::table::{EvidenceTable, StageEvidence};
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
@@ -18,7 +18,8 @@ const TRIED: usize = 10;
 /// Adds to a table of a stage alone what is missed on pieces left out.
 pub(crate) fn add(table: &mut EvidenceTable, problem: &Problem, found: &Explored, setup: Setup) {
     let mut order: Vec<usize> = (0..table.rows.len()).collect();
-    let odds = |row: usize| -0.5 * table.rows[row].cost - RARITY * table.rows[row].effects.len() as f64;
+    let rarity = Hyperparameters::shipped().rarity;
+    let odds = |row: usize| -0.5 * table.rows[row].cost - rarity * table.rows[row].effects.len() as f64;
     order.sort_by(|&a, &b| odds(b).total_cmp(&odds(a)));
     let tried = |(place, row): &(usize, usize)| *place < TRIED || table.rows[*row].effects.is_empty();
     let rows: Vec<usize> = order.into_iter().enumerate().filter(tried).map(|(_, row)| row).collect();

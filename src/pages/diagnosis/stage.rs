@@ -104,9 +104,10 @@ fn settling(part: &StageOnly, model: &ComparedModel) -> Option<String> {
         format!(", and {} % of the command's speed fed forward", number(100.0 * share))
     });
     let limits = if limits.is_empty() { String::new() } else { format!("; it {}", limits.join(" and ")) };
-    let derivative = match (integral.as_str(), valve.as_str()) {
-        ("", "") => "",
-        _ => " Derivative action would lengthen the loop's lag and shorten the valve's: it is not told from them.",
+    let derivative = if integral.is_empty() && valve.is_empty() {
+        ""
+    } else {
+        " Derivative action would lengthen the loop's lag and shorten the valve's: it is not told from them."
     };
     Some(format!(
         "{subject} follows {} × {} {sign} {} with {delay}a lag of {} s{integral}{valve}{forward}{limits}{play} (units of the \
