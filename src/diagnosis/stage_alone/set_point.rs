@@ -1,7 +1,7 @@
 //! A set point with lag: the law of a position loop that is known by its command and its position alone.
 //!
 //! `V = (e + I) / T + F K du/dt`, `e = K u(t − d) + c − X`, no faster than a limit each way, `dX/dt = V` or, behind a valve's lag, `τ d²X/dt² = V − dX/dt`: gain,
-//! level, delay, lag, rate limits, valve lag and feed-forward of speed (a first-order lag plus dead time: Åström & Hägglund 2006, *Advanced PID Control*, section
+//! level, delay, lag, rate limit, valve lag and feed-forward of speed (a first-order lag plus dead time: Åström & Hägglund 2006, *Advanced PID Control*, section
 //! 2.6; the valve: Jelali & Kroll 2003, *Hydraulic Servo-systems*, section 4.3). `dI/dt = e / Tᵢ` is the integral action of a PI regulator, which stands still at
 //! a limit unless it winds up (section 3.5 of the former). Derivative action on the position is no part: it lengthens T and shortens τ, and nothing else shows it. The
 //! position follows X behind play, and stops short of where X goes by half of it (the backlash operator: Tao & Kokotović 1996, *Adaptive Control of Systems with
@@ -31,7 +31,7 @@ const LAGS: [f64; 10] = [0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.3, 5.0
 /// Time over which speeds are looked at, as a share of a run's length, and the share of them that a limit may begin at.
 const SPEED_OVER: f64 = 0.02;
 const USUAL_SPEED: f64 = 0.95;
-/// Where limits begin, over the usual speed, each with the lag over that of the law without limits.
+/// Where the limit begins, over the usual speed, each with the lag over that of the law without limits.
 const STARTS: [(f64, f64); 4] = [(f64::INFINITY, 1.0), (1.0, 0.3), (0.7, 0.3), (1.0, 1.0)];
 /// A part that makes the error no smaller than this is not there.
 const LEAST_WORTH: f64 = 1e-3;
@@ -124,12 +124,12 @@ impl SetPoint {
         let linear = Self::linear(&runs, with_limits)?;
         let axes = Axis::all(&runs, &linear, with_limits);
         let Some(data) = FreeRuns::beside(&linear, &runs) else { return Some(linear) };
-        let speeds = usual_speeds(&runs);
+        let usual = usual_speed(usual_speeds(&runs));
         let starts = &STARTS[..if with_limits { STARTS.len() } else { 1 }];
         let of = |&(limits, lags): &(f64, f64)| Self {
             lag_s: (lags * linear.lag_s).max(LAG_RANGE.0 * typical_s(&runs)),
-            rising_limit: limits * speeds[0],
-            falling_limit: limits * speeds[1],
+            rising_limit: limits * usual,
+            falling_limit: limits * usual,
             ..linear
         };
         let bases: Vec<Self> = starts.iter().map(of).collect();
@@ -168,7 +168,7 @@ impl SetPoint {
         for part in Part::OPTIONAL {
             let worth = if part.is_limit() { LEAST_WORTH_OF_LIMITS } else { LEAST_WORTH };
             let other = law.with(part, Self::NONE.value(part));
-            if other == law {
+            if other == law || (part == Part::Falling && law.has_one_limit()) {
                 continue;
             }
             let others: Vec<Axis> = axes.iter().filter(|axis| axis.part != part).copied().collect();
@@ -177,6 +177,11 @@ impl SetPoint {
         let at_once = Self { lag_s: 0.0, ..law };
         if is_no_worse(&at_once, LEAST_WORTH) { at_once } else { law }
     }
+}
+
+/// The greater of the usual speeds each way; infinite where nothing moves.
+fn usual_speed(each_way: [f64; 2]) -> f64 {
+    each_way.into_iter().filter(|speed| speed.is_finite()).reduce(f64::max).unwrap_or(f64::INFINITY)
 }
 
 /// Usual speed of the position as it rises and as it falls.

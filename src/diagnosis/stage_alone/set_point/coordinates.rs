@@ -1,6 +1,6 @@
 //! The numbers of a set point as a fit turns them.
 
-use super::{SetPoint, usual_speeds};
+use super::{SetPoint, usual_speed, usual_speeds};
 use crate::estimation::coordinate::Coordinate;
 use crate::stage_alone::run::{Run, mean_spool, travel, typical_s};
 
@@ -54,6 +54,16 @@ impl SetPoint {
         Part::ALWAYS.into_iter().chain(of.into_iter().filter(is_there))
     }
 
+    /// The same as a fit turns them: a limit that holds both ways is one number.
+    pub(crate) fn turned_parts(self) -> impl Iterator<Item = Part> {
+        self.parts().filter(move |part| *part != Part::Falling || !self.has_one_limit())
+    }
+
+    /// Whether one limit holds both ways.
+    pub(super) fn has_one_limit(&self) -> bool {
+        self.rising_limit == self.falling_limit
+    }
+
     fn number(&mut self, part: Part) -> &mut f64 {
         match part {
             Part::Gain => &mut self.gain,
@@ -73,8 +83,11 @@ impl SetPoint {
         *self.number(part)
     }
 
-    /// The same with another number.
+    /// The same with another number; a limit that holds both ways still does.
     pub(crate) fn with(mut self, part: Part, value: f64) -> Self {
+        if part == Part::Rising && self.has_one_limit() {
+            self.falling_limit = value;
+        }
         *self.number(part) = value;
         self
     }
@@ -100,7 +113,8 @@ impl Axis {
         let (command, opening) = (travel(runs, |run| &run.spool), travel(runs, |run| &run.opening));
         let all = (f64::NEG_INFINITY, f64::INFINITY);
         let axis = |part, step, range| Self { part, step, range, middle: mean_spool(runs) };
-        let speeds = usual_speeds(runs).map(|speed| (0.05 * speed, 20.0 * speed));
+        let usual = usual_speed(usual_speeds(runs));
+        let speeds = (0.05 * usual, 20.0 * usual);
         let mut axes = vec![
             axis(Part::Gain, 0.05 * (opening / command).max(start.gain.abs()), all),
             axis(Part::Level, 0.05 * opening.max(command * start.gain.abs()), all),
@@ -109,8 +123,8 @@ impl Axis {
         if with_limits {
             axes.extend([
                 axis(Part::Delay, 0.02 * length_s, (0.0, MOST_DELAY * length_s)),
-                axis(Part::Rising, 0.2, speeds[0]),
-                axis(Part::Falling, 0.2, speeds[1]),
+                axis(Part::Rising, 0.2, speeds),
+                axis(Part::Falling, 0.2, speeds),
                 axis(Part::Play, 0.01 * opening, (0.0, MOST_PLAY * opening)),
                 axis(Part::Integral, 0.2, (INTEGRAL_RANGE.0 * length_s, INTEGRAL_RANGE.1 * length_s)),
                 axis(Part::Valve, 0.2, (LAG_RANGE.0 * length_s, LAG_RANGE.1 * length_s)),
@@ -122,7 +136,7 @@ impl Axis {
 
     /// Whether it turns anything from there: what is not there does not, nor a limit that is never reached.
     pub(super) fn acts(&self, base: &SetPoint) -> bool {
-        base.parts().any(|part| part == self.part)
+        base.turned_parts().any(|part| part == self.part)
     }
 
     fn is_logarithmic(&self) -> bool {
@@ -153,7 +167,7 @@ impl Coordinate for Axis {
                 law.level -= by * self.middle;
             }
             Part::Level => law.level += by,
-            part if self.is_logarithmic() => *law.number(part) = value * by.exp(),
+            part if self.is_logarithmic() => *law = law.with(part, value * by.exp()),
             part => *law.number(part) = (value + by).max(0.0),
         }
     }

@@ -1,7 +1,8 @@
-//! Parts of the law that are there only where they pay for themselves between pieces: play, integral action, the valve's lag, feed-forward.
+//! Parts of the law that are there only where they pay for themselves between pieces: play, integral action, the valve's lag, feed-forward, and a limit of its own
+//! each way: where one way is hardly driven, the greatest speed seen would pass for its limit.
 
 use super::coordinates::{Axis, MOST_PLAY};
-use super::{FreeRuns, SetPoint};
+use super::{FreeRuns, SetPoint, usual_speeds};
 use nalgebra::DVector;
 
 use crate::estimation::coordinate::square;
@@ -20,8 +21,8 @@ const FORWARDS: [f64; 3] = [0.2, 0.5, 0.9];
 impl SetPoint {
     /// The same with the parts that pay, the one that gains most first: fitted to every second run, it must predict the others better.
     pub(super) fn with_parts(mut self, runs: &[Run], axes: &[Axis]) -> Option<Self> {
-        let parts: [fn(Self, &FreeRuns<'_>) -> Vec<Self>; 4] =
-            [Self::with_play, Self::with_integral, Self::with_valve, Self::with_forward];
+        let parts: [fn(Self, &FreeRuns<'_>) -> Vec<Self>; 5] =
+            [Self::with_play, Self::with_integral, Self::with_valve, Self::with_forward, Self::with_own_limits];
         let mut left = parts.to_vec();
         loop {
             let Some(data) = FreeRuns::beside(&self, runs) else { return Some(self) };
@@ -72,6 +73,26 @@ impl SetPoint {
     /// The same with a share of the command's speed beside the error.
     fn with_forward(self, data: &FreeRuns<'_>) -> Vec<Self> {
         best(FORWARDS.map(|forward| Self { forward, ..self }), data)
+    }
+
+    /// The same with a limit of its own each way, or one way alone.
+    fn with_own_limits(self, data: &FreeRuns<'_>) -> Vec<Self> {
+        let none = f64::INFINITY;
+        let [up, down] = usual_speeds(data.runs);
+        let (up_now, down_now) = if self.has_one_limit() && self.rising_limit.is_finite() {
+            (self.rising_limit, self.falling_limit)
+        } else {
+            (up, down)
+        };
+        let limits = [
+            (up, down),
+            (0.7 * up, 0.7 * down),
+            (up_now, 0.6 * down_now),
+            (0.6 * up_now, down_now),
+            (up, none),
+            (none, down),
+        ];
+        best(limits.map(|(rising_limit, falling_limit)| Self { rising_limit, falling_limit, ..self }), data)
     }
 
     /// The best fit from some starts, and how much better it predicts what it was not fitted to, where it does.

@@ -62,6 +62,26 @@ fn gain_delay_lag_and_limits_of_a_loop_are_found() {
     assert!(lag.delay_s == 0.0 && near(lag.lag_s, 0.35, 0.05) && near(lag.gain, 1.0, 0.005), "{lag:?}");
 }
 
+/// A command that steps up and ramps down: nothing shows a limit of its own as the position falls.
+#[test]
+fn a_limit_holds_both_ways_unless_pieces_show_otherwise() {
+    let law = SetPoint { falling_limit: LOOP.rising_limit, ..LOOP };
+    for seed in 1..4 {
+        let mut run = run_of(seed);
+        let mut command = run.spool[0];
+        for goal in &mut run.spool {
+            command = goal.max(command - 0.02 * 0.1);
+            *goal = command;
+        }
+        run.opening = law.simulated(&run);
+        let mut random = random(seed);
+        run.opening.iter_mut().for_each(|y| *y += 1e-3 * (random() - 0.5));
+        let found = SetPoint::fitted(&run.windows(10.0), true).unwrap();
+        assert!(found.rising_limit == found.falling_limit, "{found:?}");
+        assert!((found.rising_limit / law.rising_limit - 1.0).abs() < 0.05, "{found:?}");
+    }
+}
+
 /// The same run in other units of command and position, and by another clock.
 fn in_units(run: &Run, slower: f64, command: f64, position: f64) -> Run {
     Run {
