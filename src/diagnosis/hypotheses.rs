@@ -12,9 +12,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::estimation::fit::{Start, fit_all};
 use crate::evidence::{ExtendedEquations, Shared};
-use crate::hypotheses::explorer::{
-    CAREFUL, Explorer, Hypothesis, LEAST_GAIN, Scale, is_stage_alone, worthwhile,
-};
+use crate::hypotheses::explorer::{CAREFUL, Explorer, Hypothesis, LEAST_GAIN, Scale, is_stage_alone, worthwhile};
 use crate::hypotheses::fitted_sets::KnownSets;
 use crate::hypotheses::linearisation::{Linearisation, Proposal};
 use crate::hypotheses::profile::{ProfilePlace, fitted_best, moved_to, profiles};

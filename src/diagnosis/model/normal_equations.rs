@@ -52,7 +52,12 @@ pub(crate) fn covariance(free_parameters: &[FreeParameter], parts: &[RecordingNo
 
 impl NormalEquations {
     /// Those of a fit of a unit, of what each recording has to say.
-    pub(crate) fn new(base: &Unit, free_parameters: &[FreeParameter], fit: &Fit, mut parts: Vec<RecordingNormal>) -> Self {
+    pub(crate) fn new(
+        base: &Unit,
+        free_parameters: &[FreeParameter],
+        fit: &Fit,
+        mut parts: Vec<RecordingNormal>,
+    ) -> Self {
         let n = free_parameters.len();
         let is_held = |k: &usize| {
             let (free_parameter, position) = (&free_parameters[*k], fit.positions[*k]);
