@@ -8,7 +8,7 @@ use govtwin_model::frame::Frame;
 use govtwin_model::units::seconds_from_nanos;
 
 /// The most rows that resampling may make of a recording: 2.7 h at 1 ms, about 0.8 GB, and several times that in a fit.
-pub(super) const ROW_LIMIT: i64 = 10_000_000;
+pub(crate) const ROW_LIMIT: i64 = 10_000_000;
 
 /// Rows further apart than this are of two clocks, ns: a day.
 pub const FARTHEST_NS: i64 = 86_400_000_000_000;

@@ -45,6 +45,14 @@ impl Resampler {
         }
     }
 
+    /// How many rows of the grid there would be with those between the newest row and one at this time.
+    pub(super) fn rows_until(&self, time_ns: i64) -> u64 {
+        let gap_ns = time_ns.saturating_sub(self.newest_ns);
+        let drawn =
+            if self.newest_ns > i64::MIN && gap_ns <= self.widest_ns { gap_ns.max(0) / self.period_ns } else { 0 };
+        self.rows + self.open.len() as u64 + drawn.unsigned_abs()
+    }
+
     /// Takes a row; those of one signal must rise in time, others are left out.
     pub(super) fn push(&mut self, row: &ImportedRow) {
         self.newest_ns = self.newest_ns.max(row.time_ns);
@@ -113,12 +121,19 @@ impl Resampler {
 
     /// What was done.
     pub(super) fn said(&self) -> String {
-        let (rows, gaps) = (self.rows, self.gaps);
+        let gaps = if self.widest_ns == i64::MAX {
+            String::new()
+        } else {
+            format!(
+                "; across {} gaps of more than {} s nothing was drawn",
+                self.gaps,
+                seconds_from_nanos(self.widest_ns)
+            )
+        };
         format!(
-            "resampled, as the map asks: {rows} rows every {} s by straight lines between neighbours; across {gaps} gaps of more than {} s \
-             nothing was drawn",
-            seconds_from_nanos(self.period_ns),
-            seconds_from_nanos(self.widest_ns)
+            "resampled, as the map asks: {} rows every {} s by straight lines between neighbours{gaps}",
+            self.rows,
+            seconds_from_nanos(self.period_ns)
         )
     }
 }
@@ -126,6 +141,17 @@ impl Resampler {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_to_come_are_known_before_they_are_drawn() {
+        let mut resampler = Resampler::new(1e9, false);
+        assert_eq!(resampler.rows_until(5), 0, "nothing is drawn before the first");
+        let mut row = ImportedRow::at(0);
+        row.set(Target::SpoolPosition, 0.0);
+        resampler.push(&row);
+        assert_eq!(resampler.rows_until(40_000_000), 40_000_001);
+        assert_eq!(resampler.rows_until(9_000_000_000), 1, "nothing is drawn across a gap");
+    }
 
     #[test]
     fn signals_of_other_rates_meet_on_the_grid() {

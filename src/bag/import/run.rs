@@ -13,6 +13,7 @@ use super::row::{ImportedRow, Target};
 use super::source::table::TableSource;
 use super::source::{Source, SourceKind, kind_of};
 use super::topics::{self, BagRows};
+use crate::align::ROW_LIMIT;
 
 /// Rows between two calls of the progress.
 const ROWS_PER_CALL: u64 = 4096;
@@ -104,6 +105,21 @@ impl Import {
         }
     }
 
+    /// Whether a grid of so many rows is one to make.
+    fn bounded(&self, rows: u64) -> Result<(), ImportError> {
+        if rows <= ROW_LIMIT.unsigned_abs() {
+            return Ok(());
+        }
+        let path = self.sources.first().map_or(Path::new(""), |part| &part.path);
+        Err(ImportError::file(
+            path,
+            format!(
+                "`resample: {{rate_hz: {}}}` makes over {ROW_LIMIT} rows of it; give a rate near that of the samples, or import a part",
+                self.map.resample_hz.unwrap_or(f64::NAN)
+            ),
+        ))
+    }
+
     /// Reads everything: hands on each row, and now and then the share that is done.
     ///
     /// # Errors
@@ -152,6 +168,7 @@ impl Import {
                 findings.take(&whole);
                 match &mut resampler {
                     Some(resampler) => {
+                        self.bounded(resampler.rows_until(whole.time_ns))?;
                         resampler.push(&whole);
                         while let Some(mut row) = resampler.pop() {
                             hand_on(&mut row, &mut rows)?;
