@@ -29,7 +29,7 @@ const TIME_WORDS: Words =
 /// Names of columns that say of which machine a row is, without a number, `name`, `id` and `no` behind them.
 const MACHINES: Words = Words(
     "unit|machine|turbine|generator|aggregate|maschine|maschinensatz|aggregat|turbina|groupe|unidad|host|grupo|gruppo|aggregaat|agregat|агрегат|\
-     机组|station|plant|site|anlage|kraftwerk|centrale|usine|planta|device|name",
+     机组|station|plant|site|anlage|kraftwerk|centrale|usine|planta|device|name|source|src|quelle",
 );
 
 /// What is known of a table before its records.

@@ -33,13 +33,14 @@ impl MachineLook {
         let most = self.found.iter().map(|(_, count)| *count).max().unwrap_or(0);
         let named = |text: &str, count: u64| {
             text.chars().next().is_some_and(char::is_uppercase)
-                && text.chars().any(char::is_lowercase)
+                && (text.chars().any(char::is_lowercase) || text.chars().count() == 1)
                 && count * 10 > most * 9
         };
         let is_machine = |text: &str, count: u64| numbered(text) || named(text, count);
-        let all =
-            self.found.iter().all(|(text, count)| is_machine(text, *count) && !is_unit(text) && *count >= FEWEST_ROWS);
-        let several = (2..MOST).contains(&self.found.len()) && all;
+        let all = self.found.iter().all(|(text, count)| is_machine(text, *count) && *count >= FEWEST_ROWS);
+        // `A` beside `B` is no ampere.
+        let units = self.found.iter().all(|(text, _)| is_unit(text));
+        let several = (2..MOST).contains(&self.found.len()) && all && !units;
         several.then(|| self.found.iter().map(|(text, _)| format!("`{text}`")).collect::<Vec<_>>().join(", "))
     }
 }
@@ -57,6 +58,7 @@ mod tests {
         };
         assert_eq!(several(&["U3", "U5"], 20).as_deref(), Some("`U3`, `U5`"));
         assert_eq!(several(&["1", "2", "3"], 20).as_deref(), Some("`1`, `2`, `3`"));
+        assert_eq!(several(&["A", "B"], 20).as_deref(), Some("`A`, `B`"));
         assert_eq!(several(&["Ybbs", "Melk"], 20).as_deref(), Some("`Ybbs`, `Melk`"));
         for texts in [&["U3"][..], &["%", "bar"], &["0", "1"], &["RUN", "STOP"], &["63.4", "63.5"]] {
             assert_eq!(several(texts, 20), None, "{texts:?}");

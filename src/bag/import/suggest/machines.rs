@@ -44,7 +44,10 @@ pub(super) fn machines<'a>(names: impl Iterator<Item = &'a str>) -> Machines {
             let mut differ = (0..one.len()).filter(|place| one[*place] != other[*place]);
             let (Some(place), None) = (differ.next(), differ.next()) else { continue };
             if tells_machines(&one[place]) && tells_machines(&other[place]) {
-                pairs.entry((one[place].clone(), other[place].clone())).or_default().push((first, second, place));
+                // Signals of two machines may stand in either order.
+                let (low, high) = if one[place] <= other[place] { (first, second) } else { (second, first) };
+                let words = (names[low][place].clone(), names[high][place].clone());
+                pairs.entry(words).or_default().push((low, high, place));
             }
         }
     }
@@ -199,6 +202,11 @@ mod tests {
                 &["north cmd", "north gate", "north spool", "south cmd", "south gate", "south spool"],
                 &["north", "south"],
                 &[0, 0, 0, 1, 1, 1][..],
+            ),
+            (
+                &["Nord Soll", "Süd Soll", "Süd Servo", "Nord Servo", "Süd Kolben", "Nord Kolben"],
+                &["nord", "sud"],
+                &[0, 1, 1, 0, 1, 0][..],
             ),
             (
                 &["Y_CMD", "Y_POS", "SPOOL", "Y_CMD_2", "Y_POS_2", "SPOOL_2", "ESV"],
