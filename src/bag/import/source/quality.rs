@@ -7,7 +7,7 @@ use crate::import::words::Words;
 const QUALITY: Words = Words(
     "quality|qual|q|status|state|valid|validity|good|statuscode|qualitaet|qualität|gueltig|qualite|flag|qc|gültig|bad|invalid|questionable|\
      substituted|suspect|ungueltig|ungültig|fault|error|pctgood|qualité|qualità|calidad|qualidade|kvalitet|kvalité|质量|品质|качество|ok|isgood|\
-     confidence|conf|annotation|annotated|interpolated|nan",
+     confidence|conf|annotation|annotated|interpolated|nan|güte|guete|err|flags|st",
 );
 /// Words of names by which 1, or true, says that a value is not good.
 const NOT_GOOD: Words = Words("bad|invalid|questionable|substituted|suspect|ungueltig|ungültig|interpolated|nan");
@@ -168,7 +168,7 @@ impl QualityLook {
         match (self.words.is_empty(), self.numbers.is_empty()) {
             _ if says(NOT_GOOD) && truths && most <= 1.0 => Some(Quality::NotGood),
             // `fault` and `error` may be of the machine.
-            _ if says(Words("fault|error")) => None,
+            _ if says(Words("fault|error|err")) => None,
             (false, true) if self.words.iter().all(known) => Some(Quality::Words),
             (true, false)
                 if says(Words("pctgood"))
@@ -289,6 +289,9 @@ mod tests {
             ("Y status", vec![number(0.0), number(-2_146_828_288.0)], number(0.0), number(-2_146_828_288.0)),
             ("Y is_good", vec![text("True"), text("False")], text("True"), text("False")),
             ("Y flag", vec![text("measured"), text("substituted")], text("measured"), text("substituted")),
+            ("Y Güte", vec![text("gut"), text("schlecht")], text("gut"), text("schlecht")),
+            ("Y flags", vec![ChannelValue::Missing, text("U")], ChannelValue::Missing, text("U")),
+            ("Y_st", vec![number(192.0), number(24.0)], number(192.0), number(24.0)),
             ("Y interpolated", vec![number(0.0), number(1.0)], number(0.0), number(1.0)),
         ] {
             let quality = look(&values).quality(name).unwrap().unwrap_or_else(|| panic!("{name}"));
@@ -299,7 +302,12 @@ mod tests {
         let system_states = [number(0.0), number(0.0), number(0.0), number(248.0)];
         assert!(look(&system_states).quality("Status").is_err(), "most values would be bad");
         assert!(look(&[ChannelValue::Missing, text("*")]).quality("flag").is_err(), "a mark beside some values");
-        assert!(look(&[number(0.0), number(1.0)]).quality("servo fault").is_err(), "of the machine, or of the value?");
+        for name in ["servo fault", "servo_ERR"] {
+            assert!(
+                look(&[number(0.0), number(1.0)]).quality(name).is_err(),
+                "{name}: of the machine, or of the value?"
+            );
+        }
     }
 
     #[test]
