@@ -104,8 +104,8 @@ struct TopicSignal {
     state: FieldState,
     /// Messages that did not hold the field.
     absent: u64,
-    /// Of an element that the map names by its number: what the messages call it, and how often that was another name than before.
-    element: Option<String>,
+    /// Of an element that the map names by its number: what the first message and the newest call it, and how often that was another name than before.
+    element: Option<[String; 2]>,
     renamed: u64,
 }
 
@@ -177,8 +177,9 @@ impl MappedTopic {
         for TopicSignal { field, state, absent, element, renamed } in &mut self.signals {
             let (value, name) = self.reader.element(&field.path, data);
             if let Some(name) = name {
-                *renamed += u64::from(element.as_ref().is_some_and(|known| *known != name));
-                *element = Some(name);
+                let [first, newest] = element.take().unwrap_or_else(|| [name.clone(), name.clone()]);
+                *renamed += u64::from(newest != name);
+                *element = Some([first, name]);
             }
             let (value, otherwise) = match &value {
                 Some(FieldValue::Number(number)) => (ChannelValue::Number(*number), FieldState::NotFinite),
@@ -229,12 +230,12 @@ impl MappedTopic {
     pub(super) fn renamed(&self) -> impl Iterator<Item = String> {
         let moved = self.signals.iter().filter(|signal| signal.renamed > 0);
         moved.filter_map(|TopicSignal { field, element, renamed, .. }| {
+            let [first, newest] = element.as_ref()?;
             Some(format!(
-                "{} (`{}`): the messages call this element by another name than before {renamed} times, last `{name}`; in the map, put its \
-                 name in the place of its number: `[{name}]`",
+                "{} (`{}`): the messages call this element by another name than before {renamed} times, `{first}` in the first and `{newest}` in \
+                 the last; in the map, put the name that you mean in the place of its number: `[{first}]`",
                 field.target().id(),
                 field.place,
-                name = element.as_ref()?
             ))
         })
     }
