@@ -121,7 +121,9 @@ pub(super) fn open_as_it_is(path: &Path) -> Result<BagSource, BagError> {
         check_regular(path).map_err(BagError::io(path, "read"))?;
         files.push(path.to_owned());
     }
-    source.files = files.into_iter().map(|file| BagFile::open(file, !kind.is_dir())).collect::<Result<_, _>>()?;
+    // A link may have come with the folder, and lead anywhere.
+    let is_named = !kind.is_dir() && !fs::symlink_metadata(path).is_ok_and(|kind| kind.is_symlink());
+    source.files = files.into_iter().map(|file| BagFile::open(file, is_named)).collect::<Result<_, _>>()?;
     Ok(source)
 }
 
@@ -150,8 +152,11 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
                         continue;
                     }
                     match named(path, relative) {
-                        // A file that is named again is read once.
-                        Some(file) => files.extend(Some(file).filter(|file| known.insert(file.clone()))),
+                        // A file that is named again is read once, by whatever way its name leads there.
+                        Some(file) => {
+                            let real = file.canonicalize().unwrap_or_else(|_| file.clone());
+                            files.extend(Some(file).filter(|_| known.insert(real)));
+                        }
                         // A name from the file, within the words of a warning.
                         None => source.warnings.push(Warning::FileMissing { path: path.join(shown(relative)) }),
                     }
