@@ -57,7 +57,7 @@ fn names_that_lead_out_of_the_folder_are_not_followed() {
         std::os::unix::fs::symlink(&secret, folder.path().join("link.mcap")).unwrap();
         let error = bag::read(folder.path(), &ReadOptions::default()).unwrap_err().to_string();
         assert!(!error.contains("root:") && !error.contains("72, 6f"), "{error}");
-        let error = bag::read(folder.path().join("link.mcap"), &ReadOptions::default()).unwrap_err().to_string();
+        let error = bag::read(&folder.path().join("link.mcap"), &ReadOptions::default()).unwrap_err().to_string();
         assert!(error.contains("not a bag") && !error.contains("root:") && !error.contains("72, 6f"), "{error}");
     }
 }
