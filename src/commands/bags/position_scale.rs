@@ -49,7 +49,10 @@ impl PositionScale {
         let ratio = multiple(&recording).filter(|_| recording.has_command())?;
         let ((left_gained, gained_pu), (left_scaled, scaled_pu)) =
             (left(&recording, unit, ratio, 1.0), left(&recording, unit, 1.0, ratio));
-        (left_scaled < DOUBTFUL * left_gained.min(2.0)).then_some(Self { ratio, scaled_pu, gained_pu })
+        // Where the position as it reads leaves less, something else is wrong with it.
+        let is_scaled =
+            left_scaled < DOUBTFUL * left_gained.min(2.0) && left_scaled < left(&recording, unit, 1.0, 1.0).0;
+        is_scaled.then_some(Self { ratio, scaled_pu, gained_pu })
     }
 
     /// The same scale in another recording of the same channel, where that explains it better than the governor's gain does, and than nothing.
