@@ -21,7 +21,7 @@ use govtwin_model::units::seconds_from_nanos;
 use copies::{CopyWatch, Pair};
 pub(crate) use impossible::Impossible;
 use jumps::JumpWatch;
-use onsets::OnsetWatch;
+use onsets::{FOLLOWERS, OnsetWatch};
 pub use rests::Followed;
 use rests::RestWatch;
 use trips::TripWatch;
@@ -109,7 +109,8 @@ pub(crate) struct ChainEvidence {
     first_ns: Option<i64>,
     trips: TripWatch,
     rests: RestWatch,
-    onsets: OnsetWatch,
+    /// Of spool and servomotor.
+    onsets: [OnsetWatch; 2],
     held: [HeldWatch; 2],
     copies: CopyWatch,
     jumps: JumpWatch,
@@ -165,7 +166,9 @@ impl ChainEvidence {
         self.jumps.take(time_ns, servo);
         self.trips.take(time_ns, command - servo, servo, spool, normal);
         self.rests.take(time_ns, command, [servo, spool], normal);
-        self.onsets.take(time_ns, command, spool, normal);
+        for ((watch, (_, moved_pu)), position) in self.onsets.iter_mut().zip(FOLLOWERS).zip([spool, servo]) {
+            watch.take(time_ns, command, (position, moved_pu), normal);
+        }
         self.last = Some((time_ns, command, servo));
     }
 
@@ -265,7 +268,8 @@ impl ChainEvidence {
         }
         found.extend(self.fastest.or(self.jumps.found()));
         found.extend(self.trips.found());
-        found.extend(self.onsets.found());
+        // A spool that moves too early moves the servomotor too early.
+        found.extend(self.onsets.iter().zip(FOLLOWERS).find_map(|(watch, (signal, _))| watch.found(signal)));
         let is_away = self.away > AWAY_PU && self.away > AWAY_RATIO * self.towards;
         let correlation = self.relation.sums.value();
         if is_away {

@@ -55,6 +55,29 @@ fn a_spool_that_moves_before_its_command_is_named() {
     }
 }
 
+/// Without a spool the servomotor tells it, which takes longer to be seen.
+#[test]
+fn a_servomotor_that_moves_before_its_command_is_named() {
+    for name in ["practice/case_01", "practice/case_03", "practice/case_05"] {
+        for process in ["load_rejection", "load_increase", "startup"] {
+            let rows = frames(&format!("{name}/{process}.mcap"));
+            for (earlier, named) in
+                [(-10, false), (0, false), (25, process == "load_rejection"), (40, process == "load_rejection")]
+            {
+                let mut changed = rows.clone();
+                for (k, row) in changed.iter_mut().enumerate() {
+                    row.measured = rows[k.saturating_add_signed(earlier).min(rows.len() - 1)].measured;
+                    row.measured.spool_position_pu = f64::NAN;
+                }
+                let told = found(&changed);
+                let is_told = told.iter().any(|one| one.words.contains("the servomotor moves before its command does"));
+                assert!(is_told || !named, "{name} {process}: {earlier}: {told:?}");
+                assert!(earlier > 0 || !is_told, "{name} {process}: {earlier}: {told:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_trip_that_its_stream_does_not_state_is_named() {
     for name in ["practice/case_01", "practice/case_03", "practice/case_05"] {

@@ -48,8 +48,8 @@ pub(crate) enum Impossible {
         duration_s: f64,
         regulated: bool,
     },
-    /// The spool moves before its command leaves a rest: by so much, s, and pu, at a time, ns, in so many of all such places.
-    Precedes { lead_s: f64, spool_pu: f64, time_ns: i64, onsets: u64, leads: u64 },
+    /// Spool or servomotor moves before its command leaves a rest: by so much, s, and pu, at a time, ns, in so many of all such places.
+    Precedes { signal: Signal, lead_s: f64, moved_pu: f64, time_ns: i64, onsets: u64, leads: u64 },
     /// All rests are at so many times their commands, which lie between two, pu; what is left, pu.
     Scaled { ratio: f64, least_pu: f64, most_pu: f64, left_pu: f64 },
     /// At rest with an open spool: its mean, pu.
@@ -134,11 +134,12 @@ impl Impossible {
                 percent(error_pu),
                 if regulated { "either" } else { "either its pilot oil is lost (`chamber_leak`), or" }
             ),
-            Self::Precedes { lead_s, spool_pu, time_ns, onsets, leads } => format!(
-                "the spool moves before its command does, by {lead_s:.3} s or more, and by {} when the command leaves its rest (at {time_ns} ns), in {leads} of {onsets} \
+            Self::Precedes { signal, lead_s, moved_pu, time_ns, onsets, leads } => format!(
+                "the {} moves before its command does, by {lead_s:.3} s or more, and by {} when the command leaves its rest (at {time_ns} ns), in {leads} of {onsets} \
                  such places: the stamps of command and measured state are of two clocks; `--stamp log` aligns them where they were recorded as \
                  they came",
-                percent(spool_pu)
+                if signal == Signal::SpoolPosition { "spool" } else { "servomotor" },
+                percent(moved_pu)
             ),
             Self::Scaled { ratio, least_pu, most_pu, left_pu } => format!(
                 "the servomotor rests at {ratio:.3} times its command wherever both stand (commands from {} to {}, {:.2} % left): either one of the two channels \
