@@ -195,11 +195,12 @@ impl Twin {
         }
     }
 
-    /// Places the piston where a frame is the first to measure it. What drove it before stays in memory: a spool that acts late, and on which side of a gap,
-    /// or how far behind the piston, its reading is.
+    /// Places the piston where a frame is the first to measure it. What drove it before stays in memory: a spool that acts late, and on which side of a gap its
+    /// reading is.
     fn place(&mut self, frame: &Frame) {
         let piston_pu = piston_reading_pu(&self.plant.blocks(), &self.now.state, 0.0);
-        self.start(frame, Some(self.now.servomotor_reading_pu - piston_pu));
+        let reading_pu = self.plant.terms.settled(Point::ServomotorReading, piston_pu, &self.memory);
+        self.start(frame, Some(reading_pu - piston_pu));
     }
 
     /// Sets the steady state that a first frame describes, or that one behind a history, of which it keeps how far the reading is off the piston, pu.

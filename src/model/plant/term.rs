@@ -80,6 +80,11 @@ pub trait Term: fmt::Debug + Send + Sync {
 
     /// The changed signal; called once a tick.
     fn apply(&self, signal: f64, view: &View<'_>, memory: &mut [f64]) -> f64;
+
+    /// What comes out, by what it remembers, once a signal has stood still for long: the signal, but for a gap, whose side depends on the past.
+    fn settled(&self, signal: f64, _memory: &[f64]) -> f64 {
+        signal
+    }
 }
 
 /// All terms of a plant, by point and in the order in which effects added them.
@@ -131,6 +136,15 @@ impl Terms {
         for (term, start) in &self.list[from..to] {
             term.reset(signal, &mut memory[*start..*start + term.memory_len()]);
         }
+    }
+
+    /// What comes out at a point once a signal has stood still for long.
+    pub(crate) fn settled(&self, point: Point, signal: f64, memory: &[f64]) -> f64 {
+        let (from, to) = self.ranges[point as usize];
+        let settled = |signal: f64, (term, start): &(Arc<dyn Term>, usize)| {
+            term.settled(signal, &memory[*start..*start + term.memory_len()])
+        };
+        self.list[from..to].iter().fold(signal, settled)
     }
 
     /// Passes a signal through all terms at a point.

@@ -51,10 +51,10 @@ fn a_piston_is_where_it_is_first_measured_whatever_drove_it_before() {
     }
 }
 
-/// What effects add behind a spool goes on from what drove it before the first position: a spool that acts late, a gap whose side is known, a reading that lags.
+/// What effects add behind a spool goes on from what drove it before the first position: a spool that acts late, a gap whose side is known.
 #[test]
 fn what_lies_behind_the_spool_has_its_history() {
-    for (effect, value) in [("valve_lag", 0.4), ("backlash", 0.02), ("feedback_lag", 0.3)] {
+    for (effect, value) in [("valve_lag", 0.4), ("backlash", 0.02)] {
         let mut unit = reference();
         unit.effects = vec![EffectSetting { id: effect.to_owned(), values: vec![value] }];
         let twin = Twin::new(&unit).with_cut(Cut::Spool);

@@ -33,7 +33,11 @@ impl Term for Play {
     }
 
     fn apply(&self, signal: f64, _view: &View<'_>, memory: &mut [f64]) -> f64 {
-        memory[0] = memory[0].clamp(signal - self.half_width_pu, signal + self.half_width_pu);
+        memory[0] = self.settled(signal, memory);
         memory[0]
+    }
+
+    fn settled(&self, signal: f64, memory: &[f64]) -> f64 {
+        memory[0].clamp(signal - self.half_width_pu, signal + self.half_width_pu)
     }
 }
