@@ -110,7 +110,7 @@ mod tests {
             ("backlsh=1", "did you mean `backlash`?"),
             ("backlash.play=1", "did you mean `play_pu`?"),
             ("backlash=x", "expected a number, found `x`"),
-            ("backlash=0.5", "0.5 pu is outside the physical range, 0.0 to 0.03 pu"),
+            ("backlash=0.5", "0.5 pu is outside the physical range, 0.0 to 0.1 pu"),
             ("backlash=nan", "outside the physical range"),
             ("backlash=0.001,0.002", "too many values; the parameters of `backlash` are play_pu"),
         ] {
