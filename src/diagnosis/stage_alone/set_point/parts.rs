@@ -1,5 +1,5 @@
-//! Parts of the law that are there only where they pay for themselves between pieces: play, integral action, the valve's lag, feed-forward, and a limit of its own
-//! each way: where one way is hardly driven, the greatest speed seen would pass for its limit.
+//! Parts of the law that are there only where they pay for themselves between pieces: play, integral action, the valve's lag, feed-forward; and a limit of its own
+//! each way where one leaves far more: where one way is hardly driven, the greatest speed seen would pass for its limit.
 
 use super::coordinates::{Axis, MOST_PLAY};
 use super::{FreeRuns, SetPoint, usual_speeds};
@@ -17,12 +17,14 @@ const INTEGRALS: [f64; 4] = [0.05, 0.15, 0.5, 1.5];
 const VALVES: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
 /// Shares of the command's speed that a fit may begin from.
 const FORWARDS: [f64; 3] = [0.2, 0.5, 0.9];
+/// Two limits leave at most this share of the error that one leaves: a law that is a little wrong gains some by any further number.
+const OWN_LIMITS: f64 = 0.8;
 
 impl SetPoint {
     /// The same with the parts that pay, the one that gains most first: fitted to every second run, it must predict the others better.
     pub(super) fn with_parts(mut self, runs: &[Run], axes: &[Axis]) -> Option<Self> {
-        let parts: [fn(Self, &FreeRuns<'_>) -> Vec<Self>; 5] =
-            [Self::with_play, Self::with_integral, Self::with_valve, Self::with_forward, Self::with_own_limits];
+        let parts: [fn(Self, &FreeRuns<'_>) -> Vec<Self>; 4] =
+            [Self::with_play, Self::with_integral, Self::with_valve, Self::with_forward];
         let mut left = parts.to_vec();
         loop {
             let Some(data) = FreeRuns::beside(&self, runs) else { return Some(self) };
@@ -32,9 +34,17 @@ impl SetPoint {
                 let (gain, law) = self.paying(&part(self, &data), &data, axes)?;
                 Some((place, gain, law))
             });
-            let Some((place, _, law)) = paying.max_by(|a, b| a.1.total_cmp(&b.1)) else { return Some(self) };
-            left.remove(place);
-            self = law;
+            let paying = paying.max_by(|a, b| a.1.total_cmp(&b.1));
+            self = match paying {
+                Some((place, _, law)) => {
+                    left.remove(place);
+                    law
+                }
+                None => match self.with_own_limits(&data, axes) {
+                    Some(law) => law,
+                    None => return Some(self),
+                },
+            };
         }
     }
 
@@ -75,15 +85,14 @@ impl SetPoint {
         best(FORWARDS.map(|forward| Self { forward, ..self }), data)
     }
 
-    /// The same with a limit of its own each way, or one way alone.
-    fn with_own_limits(self, data: &FreeRuns<'_>) -> Vec<Self> {
+    /// The same with a limit of its own each way, or one way alone, where that makes the error clearly less.
+    fn with_own_limits(self, data: &FreeRuns<'_>, axes: &[Axis]) -> Option<Self> {
+        if !self.has_one_limit() {
+            return None;
+        }
         let none = f64::INFINITY;
         let [up, down] = usual_speeds(data.runs);
-        let (up_now, down_now) = if self.has_one_limit() && self.rising_limit.is_finite() {
-            (self.rising_limit, self.falling_limit)
-        } else {
-            (up, down)
-        };
+        let [up_now, down_now] = if self.rising_limit.is_finite() { [self.rising_limit; 2] } else { [up, down] };
         let limits = [
             (up, down),
             (0.7 * up, 0.7 * down),
@@ -92,7 +101,9 @@ impl SetPoint {
             (up, none),
             (none, down),
         ];
-        best(limits.map(|(rising_limit, falling_limit)| Self { rising_limit, falling_limit, ..self }), data)
+        let starts = limits.map(|(rising_limit, falling_limit)| Self { rising_limit, falling_limit, ..self });
+        let law = data.fitted(&starts, axes)?;
+        (square(&data.of(&law)) < OWN_LIMITS.powi(2) * square(&data.of(&self))).then_some(law)
     }
 
     /// The best fit from some starts, and how much better it predicts what it was not fitted to, where it does.
