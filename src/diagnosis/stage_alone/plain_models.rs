@@ -96,8 +96,7 @@ impl PlainKind {
     /// The same with what is not told but not known either: a valve's lag too short to see takes the place of a part of the integral time.
     pub(crate) fn uncertain_parts_of(self, law: SetPoint) -> impl Iterator<Item = Part> {
         let unseen = law.integral_s.is_finite() && law.valve_s <= 0.0;
-        let turned = law.turned_parts().filter(move |part| self == Self::SetPoint || *part != Part::Delay);
-        turned.chain(unseen.then_some(Part::Valve))
+        self.parts_of(law).filter(move |part| law.is_own(*part)).chain(unseen.then_some(Part::Valve))
     }
 
     /// Fits it to free runs; none where nothing drives them.

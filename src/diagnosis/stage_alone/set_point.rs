@@ -168,7 +168,7 @@ impl SetPoint {
         for part in Part::OPTIONAL {
             let worth = if part.is_limit() { LEAST_WORTH_OF_LIMITS } else { LEAST_WORTH };
             let other = law.with(part, Self::NONE.value(part));
-            if other == law || (part == Part::Falling && law.has_one_limit()) {
+            if other == law || !law.is_own(part) {
                 continue;
             }
             let others: Vec<Axis> = axes.iter().filter(|axis| axis.part != part).copied().collect();

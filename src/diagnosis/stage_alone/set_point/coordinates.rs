@@ -54,9 +54,9 @@ impl SetPoint {
         Part::ALWAYS.into_iter().chain(of.into_iter().filter(is_there))
     }
 
-    /// The same as a fit turns them: a limit that holds both ways is one number.
-    pub(crate) fn turned_parts(self) -> impl Iterator<Item = Part> {
-        self.parts().filter(move |part| *part != Part::Falling || !self.has_one_limit())
+    /// Whether a part is a number of its own: a limit that holds both ways is one number.
+    pub(crate) fn is_own(&self, part: Part) -> bool {
+        part != Part::Falling || !self.has_one_limit()
     }
 
     /// Whether one limit holds both ways.
@@ -136,7 +136,7 @@ impl Axis {
 
     /// Whether it turns anything from there: what is not there does not, nor a limit that is never reached.
     pub(super) fn acts(&self, base: &SetPoint) -> bool {
-        base.turned_parts().any(|part| part == self.part)
+        base.is_own(self.part) && base.parts().any(|part| part == self.part)
     }
 
     fn is_logarithmic(&self) -> bool {
