@@ -66,7 +66,7 @@ impl Unit {
     /// assert_eq!(worn.effects[0].values, [400.0, 1.0]); // `static_ratio` was not given
     ///
     /// let error = worn.with_effect("backlash", &[("play_pu", 3.0)]).unwrap_err();
-    /// assert_eq!(error.to_string(), "backlash.play_pu: expected 0 to 0.03 pu, found 3");
+    /// assert_eq!(error.to_string(), "backlash.play_pu: expected 0 to 0.1 pu, found 3");
     /// # Ok::<(), govtwin_model::effects::on_unit::EffectError>(())
     /// ```
     pub fn with_effect(mut self, id: &str, values: &[(&str, f64)]) -> Result<Self, EffectError> {
@@ -139,7 +139,7 @@ mod tests {
         );
         for value in [-1.0, f64::NAN, f64::INFINITY] {
             assert!(
-                matches!(of("backlash", "play_pu", value), EffectError::Range { min: 0.0, max: 0.03, unit: "pu", .. }),
+                matches!(of("backlash", "play_pu", value), EffectError::Range { min: 0.0, max: 0.1, unit: "pu", .. }),
                 "{value}"
             );
         }
