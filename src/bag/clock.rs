@@ -52,6 +52,11 @@ impl Clock {
     /// Clocks that are kept by NTP agree better than this, ns.
     pub(super) const AHEAD_NS: i64 = 10_000_000;
 
+    /// The first and the last stamp.
+    pub(super) fn span_ns(&self) -> Option<[i64; 2]> {
+        self.first_ns.map(|first_ns| [first_ns, self.last_ns])
+    }
+
     pub(super) fn push(&mut self, stamp_ns: i64, log_time_ns: i64) {
         let delay_ns = log_time_ns.saturating_sub(stamp_ns);
         self.first_ns = self.first_ns.or(Some(stamp_ns));

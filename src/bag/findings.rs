@@ -89,6 +89,20 @@ pub(super) fn other_clock(other: &str, by_s: f64) -> String {
     )
 }
 
+/// A stream that begins so long after the end of another, ns; below 0 it ends so long before the begin.
+pub(super) fn another_time(other: &str, by_ns: i64) -> String {
+    let by_s = seconds_from_nanos(by_ns);
+    let place = if by_ns > 0 {
+        format!("begins {by_s:.3} s after the end")
+    } else {
+        format!("ends {:.3} s before the begin", -by_s)
+    };
+    format!(
+        "it {place} of {other}, so that no row has both: they were not recorded together, or one clock is wrong; shift the stamps of one, or record \
+         both at once"
+    )
+}
+
 pub(super) fn senders(signs: &[String]) -> String {
     format!("more than one sender, by all signs: {}; record one, or name its topic with --topic", signs.join(", "))
 }

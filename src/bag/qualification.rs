@@ -179,18 +179,27 @@ fn apart<'a>(streams: impl Iterator<Item = (&'a str, &'a StreamEvidence)>) -> Ve
 /// Refuses a bag whose streams are stamped by clocks that have nothing to do with each other.
 ///
 /// # Errors
-/// Where stamps of streams that were recorded together differ by more than a second.
+/// Where stamps of streams that were recorded together differ by more than a second, or command and measured state have no time in common.
 pub(super) fn check_clocks(
     path: &Path,
     healths: &[StreamHealth],
     evidence: &[StreamEvidence; 4],
 ) -> Result<(), BagError> {
-    let streams = healths.iter().zip(evidence).map(|(health, evidence)| (&*health.topic, evidence));
-    let far = apart(streams).into_iter().find(|(_, _, by_s)| by_s.abs() > OTHER_CLOCK_S);
-    far.map_or(Ok(()), |(topic, other, by_s)| {
-        let problem = format!("{topic}: {}", findings::other_clock(other, by_s));
-        Err(BagError::Clocks { path: path.to_owned(), problem })
-    })
+    let streams = || healths.iter().zip(evidence).map(|(health, evidence)| (&*health.topic, evidence));
+    let far = apart(streams()).into_iter().find(|(_, _, by_s)| by_s.abs() > OTHER_CLOCK_S);
+    let far = far.map(|(topic, other, by_s)| format!("{topic}: {}", findings::other_clock(other, by_s)));
+    let many = streams().map(|(topic, evidence)| (topic, evidence.clock.span_ns().filter(|_| evidence.samples >= FEW)));
+    let spans: Vec<(&str, Option<[i64; 2]>)> = many.collect();
+    let later = || match spans[..] {
+        [(command, Some(commands_ns)), .., (measured, Some(measured_ns))] => {
+            let [from_ns, to_ns] = [0, 1].map(|end| measured_ns[end].saturating_sub(commands_ns[1 - end]));
+            let by_ns = if from_ns > 0 { from_ns } else { to_ns.min(0) };
+            (by_ns != 0).then(|| format!("{measured}: {}", findings::another_time(command, by_ns)))
+        }
+        _ => None,
+    };
+    let problem = far.or_else(later);
+    problem.map_or(Ok(()), |problem| Err(BagError::Clocks { path: path.to_owned(), problem }))
 }
 
 /// The findings on the streams, in the order of [`Stream::ALL`]: by topic, evidence, and how many samples conflicted; whether commands are in pu.

@@ -137,3 +137,23 @@ fn streams_of_two_clocks_are_refused_and_aligned_if_asked() {
         }
     }
 }
+
+/// Stamps and times of recording agree, so that nothing but the command's own time tells it.
+#[test]
+fn streams_that_have_no_time_in_common_are_refused() {
+    let rows = frames("practice/case_03/load_rejection.mcap");
+    for (shift_s, refused) in [(-3600, true), (0, false), (3600, true)] {
+        let mut bag = Bag::default();
+        for row in &rows {
+            bag.esv(row.time_ns, msg::EsvState::NORMAL);
+            bag.command(row.time_ns, row.inputs.opening_command_pu);
+            bag.pressure(row.time_ns, row.inputs.tank_pressure_pa);
+            let [servomotor, spool] = Signal::POSITIONS.map(|signal| signal.of(&row.measured));
+            bag.servo(row.time_ns + shift_s * 1000 * MS, spool, servomotor);
+        }
+        let (_folder, path) = bag.file(WriteOptions::new());
+        let read = read_both_ways(&path, &ReadOptions::default());
+        let told = read.err().map(|error| error.to_string()).unwrap_or_default();
+        assert_eq!(told.contains("no row has both"), refused, "{shift_s}: {told}");
+    }
+}
