@@ -8,6 +8,7 @@
 mod copies;
 mod impossible;
 mod jumps;
+mod lines;
 mod onsets;
 mod rests;
 mod stay;
@@ -162,7 +163,7 @@ impl ChainEvidence {
         self.speed(frame, servo, spool);
         self.followed.take(frame);
         self.copied(time_ns, command, servo, normal);
-        self.copies.take(Pair { time_ns, command, position: servo, normal });
+        self.copies.take(Pair { time_ns, command, position: servo, spool, normal });
         self.jumps.take(time_ns, servo);
         self.trips.take(time_ns, command - servo, servo, spool, normal);
         self.rests.take(time_ns, command, [servo, spool], normal);
@@ -266,6 +267,7 @@ impl ChainEvidence {
             found.push(late);
             return found;
         }
+        found.extend(self.copies.drawn());
         found.extend(self.fastest.or(self.jumps.found()));
         found.extend(self.trips.found());
         // A spool that moves too early moves the servomotor too early.

@@ -38,7 +38,7 @@ const fn doubtful(kind: &'static str, what: &'static str, change: fn(&mut Vec<Fr
 }
 
 /// Those of wiring, channels, clocks and machines.
-pub const DEFECTS: [Defect; 44] = [
+pub const DEFECTS: [Defect; 48] = [
     impossible("copy", "the position is the command", |rows| {
         map(rows, |_, row| row.measured.servomotor_position_pu = row.inputs.opening_command_pu);
     }),
@@ -51,6 +51,12 @@ pub const DEFECTS: [Defect; 44] = [
         let commands: Vec<f64> = rows.iter().map(|row| row.inputs.opening_command_pu).collect();
         servomotor(rows, |k, _| commands[k.saturating_sub(6)] + noise(k, 1e-4));
     }),
+    impossible("copy", "the position is the mean of the command over half a second", |rows| averaged(rows, 0.0)),
+    impossible("copy", "the position is the mean of the command with some noise", |rows| averaged(rows, 1e-4)),
+    impossible("drawn", "a historian's lines of all that is measured", |rows| {
+        Signal::POSITIONS.map(|signal| draw(rows, signal, 2e-3));
+    }),
+    impossible("drawn", "a historian's lines of the position", |rows| draw(rows, Signal::ServomotorPosition, 3e-3)),
     impossible("copy", "the position is the command in coarse steps", |rows| {
         copy(rows, 0.0);
         servomotor(rows, |_, position| (position * 4096.0).round() / 4096.0);
@@ -141,6 +147,30 @@ const OTHER_MACHINE: &str = "practice/case_05/shutdown.mcap";
 
 fn copy(rows: &mut [Frame], size: f64) {
     map(rows, |k, row| row.measured.servomotor_position_pu = row.inputs.opening_command_pu + noise(k, size));
+}
+
+fn averaged(rows: &mut [Frame], size: f64) {
+    let commands: Vec<f64> = rows.iter().map(|row| row.inputs.opening_command_pu).collect();
+    let mean = |k: usize| (0..50).map(|back| commands[k.saturating_sub(back)]).sum::<f64>() / 50.0;
+    servomotor(rows, |k, _| mean(k) + noise(k, size));
+}
+
+/// Keeps the points of a swinging door of half a width, and draws lines between them.
+fn draw(rows: &mut [Frame], signal: Signal, half_width: f64) {
+    let values: Vec<f64> = rows.iter().map(|row| signal.of(&row.measured)).collect();
+    let mut from = 0;
+    while from + 1 < values.len() {
+        let is_near = |to: &usize| {
+            let line = |k: usize| values[from] + (k - from) as f64 / (to - from) as f64 * (values[*to] - values[from]);
+            (from..*to).all(|k| (values[k] - line(k)).abs() < half_width)
+        };
+        let to = (from + 1..values.len()).take_while(is_near).last().unwrap_or(from + 1);
+        for k in from..to {
+            let value = values[from] + (k - from) as f64 / (to - from) as f64 * (values[to] - values[from]);
+            rows[k].measured = signal.with(rows[k].measured, value);
+        }
+        from = to;
+    }
 }
 
 fn command(rows: &mut [Frame], change: impl Fn(f64) -> f64) {

@@ -40,8 +40,9 @@ fn run(command: &str, arguments: &[&str], folder: &Path) -> (i32, String, String
 }
 
 /// Words of the reasons for which a recording is refused as data.
-const REASONS: [&str; 17] = [
-    "the servomotor position is the command",
+const REASONS: [&str; 18] = [
+    "straight lines",
+    "the servomotor position is the",
     "moves away from its command",
     "against its spool",
     "have nothing to do with each other",

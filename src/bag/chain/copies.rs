@@ -1,9 +1,11 @@
-//! Whether one of command and position is the other of some time before: to the bit, or the position but for noise.
+//! Whether one of command and position is the other of some time before: to the bit, or the position but for noise; or the position is the command's mean.
 
 use govtwin_model::units::seconds_from_nanos;
 
 use super::impossible::Impossible;
+use super::lines::drawn;
 use super::{MOVES_PU_S, STILL_PU};
+use govtwin_model::signal::Signal;
 
 /// Rows that are compared, from the first change of the command on: 80 s at 100 Hz.
 const COMPARED: usize = 8192;
@@ -19,19 +21,29 @@ const ROUNDED_PU: f64 = 1e-4;
 const LEAST_ROWS: usize = 4;
 const NOISE_SHARE: f64 = 0.75;
 const DIFFERS: f64 = 3.0;
+/// No servomotor follows so near to anything but itself, pu, root mean square.
+const EXACT_PU: f64 = 1e-5;
 
-/// Command and position at a time, ns, and whether the ESV has not tripped.
+/// Command, position and spool at a time, ns, and whether the ESV has not tripped.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair {
     pub(super) time_ns: i64,
     pub(super) command: f64,
     pub(super) position: f64,
+    pub(super) spool: f64,
     pub(super) normal: bool,
 }
 
 /// The rows that are compared.
 #[derive(Clone, Debug, Default)]
 pub(super) struct CopyWatch(Vec<Pair>);
+
+/// What a position may be of the command of some rows before and of now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Filter {
+    Delay,
+    Mean,
+}
 
 /// Mean squares of what is between a position and a command of before: all of it, its noise, and what a lag of first order would add; of so many rows.
 #[derive(Clone, Copy, Debug)]
@@ -55,7 +67,8 @@ impl CopyWatch {
     pub(super) fn found(&self) -> Option<Impossible> {
         let of_command = || self.equal(false, |pair| pair.position, |pair| pair.command);
         let of_position = || self.equal(true, |pair| pair.command, |pair| pair.position);
-        of_command().or_else(of_position).or_else(|| self.delayed())
+        let filtered = || self.filtered(Filter::Delay).or_else(|| self.filtered(Filter::Mean));
+        of_command().or_else(of_position).or_else(filtered)
     }
 
     /// A signal that is the other of some rows before to the bit; `of_position` where the signal is the command.
@@ -81,18 +94,33 @@ impl CopyWatch {
         copied.then_some(Impossible::LateCopy { of_position, lag_s: lags_s / count.max(1) as f64, equal, changes })
     }
 
-    /// A position that is the command of some rows before but for noise.
-    fn delayed(&self) -> Option<Impossible> {
+    /// A position that is the command of some rows before, or its mean over them, but for noise.
+    fn filtered(&self, filter: Filter) -> Option<Impossible> {
         let best = |all: &mut dyn Iterator<Item = usize>| {
-            let all = all.filter_map(|rows| Some((rows, self.between(rows)?)));
+            let all = all.filter_map(|rows| Some((rows, self.between(rows, filter)?)));
             all.min_by(|a, b| a.1.all.total_cmp(&b.1.all))
         };
         let (near, _) = best(&mut (LEAST_ROWS..=MOST_ROWS).step_by(LEAST_ROWS))?;
         let (rows, between) = best(&mut (near.saturating_sub(LEAST_ROWS).max(LEAST_ROWS)..near + LEAST_ROWS))?;
         let Between { all, noise, lag, rows: moving } = between;
-        let delayed =
-            moving >= COPY_CHANGES && noise > NOISE_SHARE * all && lag > DIFFERS * noise && all.sqrt() < STILL_PU;
-        delayed.then(|| Impossible::Delayed { lag_s: rows as f64 * self.row_s(), apart_pu: all.sqrt(), moving })
+        let is_noise = noise > NOISE_SHARE * all || all.sqrt() < EXACT_PU;
+        let is_filtered = moving >= COPY_CHANGES && is_noise && lag > DIFFERS * noise && all.sqrt() < STILL_PU;
+        let (over_s, apart_pu) = (rows as f64 * self.row_s(), all.sqrt());
+        is_filtered.then_some(match filter {
+            Filter::Delay => Impossible::Delayed { lag_s: over_s, apart_pu, moving },
+            Filter::Mean => Impossible::Averaged { over_s, apart_pu, moving },
+        })
+    }
+
+    /// A signal that was drawn between few points.
+    pub(super) fn drawn(&self) -> Option<Impossible> {
+        let signals: [(Signal, fn(&Pair) -> f64); 2] =
+            [(Signal::ServomotorPosition, |pair| pair.position), (Signal::SpoolPosition, |pair| pair.spool)];
+        signals.into_iter().find_map(|(signal, of)| {
+            let points = self.0.iter().map(|pair| (pair.time_ns, of(pair))).filter(|(_, value)| value.is_finite());
+            let (lines, samples) = drawn(&points.collect::<Vec<_>>())?;
+            Some(Impossible::Drawn { signal, lines, samples })
+        })
     }
 
     /// The mean time between rows, s.
@@ -101,30 +129,33 @@ impl CopyWatch {
         seconds_from_nanos(last.time_ns.saturating_sub(first.time_ns)) / (self.0.len() - 1) as f64
     }
 
-    /// What is between the position and the command of so many rows before, while that moves.
-    fn between(&self, rows: usize) -> Option<Between> {
+    /// What is between the position and a filter of the command over so many rows, while that moves.
+    fn between(&self, rows: usize, filter: Filter) -> Option<Between> {
         let delayed = self.0.iter().zip(self.0.get(rows..)?);
         let (mut all, mut noise, mut lag, mut count) = (0.0, 0.0, 0.0, 0_u64);
         let moves_pu = MOVES_PU_S * self.row_s();
-        let share = 1.0 / (1.0 + rows as f64);
-        // A lag of first order follows the command of now.
+        // A lag of first order, as late as the filter, follows the command of now.
+        let late_rows = if filter == Filter::Mean { 0.5 * rows as f64 } else { rows as f64 };
+        let share = 1.0 / (1.0 + late_rows);
         let follows = |from: f64, pair: &Pair| from + share * (pair.command - from);
-        let mut filtered = self.0[..rows].iter().fold(self.0[0].command, follows);
+        let mut lagged = self.0[..rows].iter().fold(self.0[0].command, follows);
+        let mut sum: f64 = self.0[..rows].iter().map(|pair| pair.command).sum();
         let mut last: Option<(f64, f64)> = None;
         for (before, here) in delayed {
-            filtered = follows(filtered, here);
-            let error = here.position - before.command;
-            if let Some((command, error_before)) =
-                last.filter(|(command, _)| (before.command - command).abs() > moves_pu)
+            lagged = follows(lagged, here);
+            sum += here.command - before.command;
+            let filtered = if filter == Filter::Mean { sum / rows as f64 } else { before.command };
+            let error = here.position - filtered;
+            if let Some((_, error_before)) = last.filter(|(before, _)| (filtered - before).abs() > moves_pu)
                 && here.normal
-                && (error * error_before * command).is_finite()
+                && (error * error_before).is_finite()
             {
                 all += error * error;
                 noise += 0.5 * (error - error_before).powi(2);
-                lag += (filtered - before.command).powi(2);
+                lag += (lagged - filtered).powi(2);
                 count += 1;
             }
-            last = Some((before.command, error));
+            last = Some((filtered, error));
         }
         let mean = |sum: f64| sum / count as f64;
         (count > 0).then(|| Between { all: mean(all), noise: mean(noise), lag: mean(lag), rows: count })

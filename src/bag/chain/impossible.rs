@@ -27,6 +27,10 @@ pub(crate) enum Impossible {
     LateCopy { of_position: bool, lag_s: f64, equal: u64, changes: u64 },
     /// The position is the command of so long before, s, but for noise: root mean square apart in so many samples while that moved, pu.
     Delayed { lag_s: f64, apart_pu: f64, moving: u64 },
+    /// The position is the mean of the command over so long, s, but for noise: root mean square apart in so many samples while that moved, pu.
+    Averaged { over_s: f64, apart_pu: f64, moving: u64 },
+    /// A signal lies on so many straight lines, in so many samples: it was drawn between fewer points.
+    Drawn { signal: Signal, lines: usize, samples: usize },
     /// The position jumps from one sample to the next, first by so much, pu, within so long, s, at a time, ns, and so many times.
     Jumps { by_pu: f64, step_s: f64, time_ns: i64, count: u64 },
     /// The servomotor moves away from its command, pu, and so far towards it; whether a governor or its oil may do so.
@@ -102,7 +106,18 @@ impl Impossible {
                 apart_pu * 100.0
             ),
             Self::LateCopy { of_position, lag_s, equal, changes } => late_copy(of_position, lag_s, equal, changes),
-            Self::Delayed { lag_s, apart_pu, moving } => delayed(lag_s, apart_pu, moving),
+            Self::Delayed { lag_s, apart_pu, moving } => {
+                filtered(&format!("the command of {lag_s:.2} s before"), apart_pu, moving)
+            }
+            Self::Averaged { over_s, apart_pu, moving } => {
+                filtered(&format!("the mean of the command over {over_s:.2} s"), apart_pu, moving)
+            }
+            Self::Drawn { signal, lines, samples } => format!(
+                "{} lies exactly on {lines} straight lines, {} samples on each while it moves: it was drawn between the few points that a historian or a slower \
+                 logger kept, and what it was between them nobody knows; export these points themselves, or what was not compressed",
+                signal.id(),
+                samples / lines.max(1)
+            ),
             Self::Jumps { by_pu, step_s, time_ns, count } => format!(
                 "the servomotor position jumps by {} within {step_s:.3} s and stays there (at {time_ns} ns, {count} times in all), and nothing that oil \
                  moves does: values were held or put in the place of others",
@@ -214,10 +229,10 @@ fn late_copy(of_position: bool, lag_s: f64, equal: u64, changes: u64) -> String 
     )
 }
 
-fn delayed(lag_s: f64, apart_pu: f64, moving: u64) -> String {
+fn filtered(what: &str, apart_pu: f64, moving: u64) -> String {
     format!(
-        "the servomotor position is the command of {lag_s:.2} s before: in {moving} samples while that moves nothing but noise of {:.2} % is between the two, and a \
-         servomotor, which sums up its flow, rounds what it follows; one of the two channels is wired to the other",
+        "the servomotor position is {what}: in {moving} samples while that moves nothing but noise of {:.2} % is between the two, and a \
+         servomotor, which sums up its flow, follows otherwise; one of the two channels is wired to the other",
         apart_pu * 100.0
     )
 }
