@@ -14,6 +14,7 @@ use super::time_scale::{DOUBTFUL, beginning};
 
 /// A smaller multiple is one of tolerances and of what holds a servomotor off its command.
 const LEAST: f64 = 1.1;
+
 /// How many times its command the servomotor goes; none where it does not, or goes by it.
 fn multiple(recording: &Recording) -> Option<f64> {
     let mut followed = Followed::default();
@@ -47,20 +48,21 @@ impl PositionScale {
     pub fn of(recording: &Recording, unit: &Unit) -> Option<Self> {
         let recording = Recording::new("", beginning(recording).to_vec());
         let ratio = multiple(&recording).filter(|_| recording.has_command())?;
-        let ((left_gained, gained_pu), (left_scaled, scaled_pu)) =
-            (left(&recording, unit, ratio, 1.0), left(&recording, unit, 1.0, ratio));
-        // Where the position as it reads leaves less, something else is wrong with it.
-        let is_scaled =
-            left_scaled < DOUBTFUL * left_gained.min(2.0) && left_scaled < left(&recording, unit, 1.0, 1.0).0;
-        is_scaled.then_some(Self { ratio, scaled_pu, gained_pu })
+        Self::scaled_by(ratio, &recording, unit, DOUBTFUL)
     }
 
     /// The same scale in another recording of the same channel, where that explains it better than the governor's gain does, and than nothing.
     pub fn also_in(self, recording: &Recording, unit: &Unit) -> Option<Self> {
-        let recording = Recording::new("", beginning(recording).to_vec());
-        let left = |times: f64, divided: f64| left(&recording, unit, times, divided);
-        let ((left_gained, gained_pu), (left_scaled, scaled_pu)) = (left(self.ratio, 1.0), left(1.0, self.ratio));
-        (left_scaled < left_gained.min(left(1.0, 1.0).0)).then_some(Self { scaled_pu, gained_pu, ..self })
+        Self::scaled_by(self.ratio, &Recording::new("", beginning(recording).to_vec()), unit, 1.0)
+    }
+
+    /// This scale, where it leaves no more than a share of what the governor's gain leaves, and less than the position as it reads: else something else is
+    /// wrong with it.
+    fn scaled_by(ratio: f64, recording: &Recording, unit: &Unit, share: f64) -> Option<Self> {
+        let left = |times: f64, divided: f64| left(recording, unit, times, divided);
+        let ((left_gained, gained_pu), (left_scaled, scaled_pu)) = (left(ratio, 1.0), left(1.0, ratio));
+        let is_scaled = left_scaled < share * left_gained.min(2.0) && left_scaled < left(1.0, 1.0).0;
+        is_scaled.then_some(Self { ratio, scaled_pu, gained_pu })
     }
 
     /// What is to be said of it; nothing is concluded from the recording.
