@@ -181,9 +181,8 @@ fn recordings_of_different_units_are_told_apart() {
     noted(&said, &["different units", "width_m would be", "strange"]);
 }
 
-/// Two processes of each of two units, of which one has play: each half confirms itself.
-#[test]
-fn recordings_of_two_units_are_told_apart_by_halves() {
+/// Recordings of practice units, diagnosed with these effects as the catalogue.
+fn practice(effects: &[&str], of: [(&str, &str); 4]) -> Diagnosis {
     let options =
         ReadOptions { interpolation: Interpolation::Sharp { period_ns: 1_000_000 }, ..ReadOptions::default() };
     let load = |(case, process): (&str, &str)| {
@@ -191,24 +190,35 @@ fn recordings_of_two_units_are_told_apart_by_halves() {
         let recording = read(path.as_ref(), &options).unwrap().recording;
         Recording { name: format!("{case}/{process}"), ..recording }
     };
-    let diagnosed = |of: [(&str, &str); 4]| {
-        let catalogue = ["backlash", "lvdt_bias"].iter().filter_map(|id| find(id)).collect();
-        let settings = DiagnosisSettings { catalogue, ..DiagnosisSettings::default() };
-        diagnose(of.map(load).into(), &reference(), &settings, &|_, _| ()).unwrap()
-    };
-    let said = diagnosed([
-        ("case_01", "startup"),
-        ("case_01", "load_increase"),
-        ("case_03", "load_rejection"),
-        ("case_03", "shutdown"),
-    ]);
+    let catalogue = effects.iter().filter_map(|id| find(id)).collect();
+    let settings = DiagnosisSettings { catalogue, ..DiagnosisSettings::default() };
+    diagnose(of.map(load).into(), &reference(), &settings, &|_, _| ()).unwrap()
+}
+
+/// Two processes of each of two units, of which one has play: each half confirms itself.
+#[test]
+fn recordings_of_two_units_are_told_apart_by_halves() {
+    let effects = ["backlash", "lvdt_bias"];
+    let mixed =
+        [("case_01", "startup"), ("case_01", "load_increase"), ("case_03", "load_rejection"), ("case_03", "shutdown")];
+    let said = practice(&effects, mixed);
     assert_eq!(said.verdict, Verdict::Unknown, "{:?}", said.ranking);
     let words =
         ["two units", "case_01/startup and case_01/load_increase", "case_03/load_rejection and case_03/shutdown"];
     noted(&said, &words);
-    let said =
-        diagnosed(["startup", "load_increase", "load_rejection", "shutdown"].map(|process| ("case_03", process)));
+    let of_one = ["startup", "load_increase", "load_rejection", "shutdown"].map(|process| ("case_03", process));
+    let said = practice(&effects, of_one);
     assert_eq!(said.verdict, Verdict::Named, "{:?}", said.ranking);
+}
+
+/// The cause of one of them explains most of the gap of all: what it leaves is in no recording by itself.
+#[test]
+fn a_cause_of_one_of_two_units_is_not_named_for_both() {
+    let mixed =
+        [("case_04", "startup"), ("case_04", "load_rejection"), ("case_01", "load_increase"), ("case_01", "shutdown")];
+    let said = practice(&["pilot_filter", "supply_loss", "lvdt_bias"], mixed);
+    assert_eq!(said.verdict, Verdict::Unknown, "{:?}", said.ranking);
+    noted(&said, &["One set of parameters does not fit all recordings", "different units"]);
 }
 
 #[test]

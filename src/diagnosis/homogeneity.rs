@@ -26,6 +26,9 @@ const MOST_PROMISING: usize = 3;
 /// Share of the gap that a model may leave and still speak for one unit.
 const EXPLAINED: f64 = 0.3;
 
+/// Unless the recordings by themselves explain this share of what it leaves: a model's error stays in each, as it is of all recordings.
+const WHOLLY: f64 = 0.85;
+
 /// Some of the recordings, fitted by themselves.
 struct Part {
     recordings: Vec<usize>,
@@ -53,16 +56,18 @@ pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
     if problem.recordings.len() < 2 || leader.fit.slopes.len() < problem.recordings.len() || left < STRANGE {
         return None;
     }
-    // A model that explains the gap of all of them speaks for one unit, however much each gains by parameters of its own.
-    let explained = EXPLAINED * (found.refitted().cost() - floor);
-    if left < explained {
-        return None;
-    }
     let least = (STRANGE_SHARES.0 * left).max(STRANGE);
     let gain = |parts: &[Part]| parts.iter().map(|part| part.gain(leader)).sum::<f64>();
     let each: Vec<Part> = (0..problem.recordings.len()).filter_map(|k| fitted(problem, vec![k], &[leader])).collect();
-    let said = if gain(&each) >= least.max(STRANGE_SHARES.1 * floor) {
-        let mut telling: Vec<&Part> = each.iter().filter(|part| part.gain(leader) > 0.25 * gain(&each)).collect();
+    let own = gain(&each);
+    let each_gains = own >= least.max(STRANGE_SHARES.1 * floor);
+    // A model that explains the gap of all of them speaks for one unit, also where each gains by parameters of its own.
+    let explained = EXPLAINED * (found.refitted().cost() - floor);
+    if left < explained && !(each_gains && own >= WHOLLY * left) {
+        return None;
+    }
+    let said = if each_gains {
+        let mut telling: Vec<&Part> = each.iter().filter(|part| part.gain(leader) > 0.25 * own).collect();
         telling.sort_by(|a, b| b.gain(leader).total_cmp(&a.gain(leader)));
         let names: Vec<String> = telling.iter().map(|part| part.names(problem)).collect();
         format!(
