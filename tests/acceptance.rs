@@ -13,6 +13,9 @@ use std::process::Command;
 use acceptance::{measured, recordings, true_measures, unit};
 use govtwin_diagnosis::acceptance::Measure;
 use govtwin_diagnosis::acceptance::counterfactual::{SizeKnowledge, compare};
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+use govtwin_files::digest::sha256;
+use govtwin_model::provenance::Provenance;
 use program::Run;
 
 #[test]
@@ -88,8 +91,12 @@ fn diagnosed(folder: &Path) {
     let report = r#"{"schema": "govtwin-diagnosis/1", "verdict": "named", "location": {"stage": "servomotor", "probability": {"servomotor": 0.99}},
         "effects": [{"id": "port_overlap", "stage": "servomotor", "probability": 0.99, "closure": {"value": 0.9, "ci90": [0.8, 1.0]}, "closure_last_in": null, "closure_shapley": null,
         "parameters": [{"name": "extra_overlap_m", "value": 3e-4, "ci90": [2.8e-4, 3.2e-4], "unit": "m"}]}], "gap": {"closure": {"value": 0.9, "ci90": [0.8, 1.0]}}}"#;
-    fs::write(folder.join("report.json"), report).unwrap();
-    fs::write(folder.join("fitted.yaml"), "effects:\n  port_overlap: {extra_overlap_m: 3.0e-4}\n").unwrap();
+    let fitted = "effects:\n  port_overlap: {extra_overlap_m: 3.0e-4}\n";
+    let mut report: DiagnosisReport = serde_json::from_str(report).unwrap();
+    let written = [("fitted.yaml".to_owned(), sha256(fitted))].into();
+    report.provenance = Some(Provenance { written, ..Provenance::default() });
+    fs::write(folder.join("report.json"), report.json().to_string()).unwrap();
+    fs::write(folder.join("fitted.yaml"), fitted).unwrap();
 }
 
 #[test]

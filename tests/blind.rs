@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use govtwin_bag::{Interpolation, ReadOptions};
+use govtwin_diagnosis::result::sealed;
 use govtwin_files::digest::sha256;
 use govtwin_lab::baselines::BASELINES;
 use govtwin_lab::baselines::ground::Ground;
@@ -33,12 +34,13 @@ fn report(verdict: &str, blamed: &[(&str, f64)]) -> String {
         .collect();
     let ranking: Vec<String> =
         blamed.iter().map(|(id, p)| format!(r#"{{"id": "{id}", "probability": {p}}}"#)).collect();
-    format!(
+    let report = format!(
         r#"{{"schema": "govtwin-diagnosis/1", "verdict": "{verdict}", "location": {{"stage": "servomotor"}},
             "effects": [{}], "ranking": [{}], "seconds": 12.0}}"#,
         effects.join(", "),
         ranking.join(", ")
-    )
+    );
+    sealed(serde_json::from_str(&report).unwrap()).to_string()
 }
 
 /// A report that says which recording and sheet it is of: a bag with these bytes, and the shipped sheet.
@@ -51,7 +53,7 @@ fn of_recording(report: &str, bytes: &str) -> String {
         ..Provenance::default()
     };
     report["provenance"] = serde_json::to_value(made).unwrap();
-    format!("{report:#}\n")
+    format!("{:#}\n", sealed(report))
 }
 
 fn unit(dir: &Path, name: &str, report: &str) {
@@ -333,7 +335,7 @@ fn without_a_sheet_only_reports_made_without_one_count() {
     let mut made: Value = serde_json::from_str(&fs::read_to_string(&at).unwrap()).unwrap();
     made["provenance"]["options"]["no-sheet"] = "the whole chain, by a sheet made of the recordings".into();
     made["provenance"]["sheet"]["sha256"] = "of its own".into();
-    fs::write(&at, made.to_string()).unwrap();
+    fs::write(&at, sealed(made).to_string()).unwrap();
     let (code, words) = run(&["--no-sheet"]);
     assert_eq!(code, Some(0), "{words}");
     let score: Value = serde_json::from_str(&fs::read_to_string(dir.path().join("score.json")).unwrap()).unwrap();

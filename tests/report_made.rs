@@ -143,6 +143,11 @@ fn a_diagnosis_has_a_folder_for_each_unit_and_spares_those_of_others() {
         fs::write(folder.join("report.json"), changed.to_string()).unwrap();
         refused(one, &format!("{place}: expected what was written"));
     }
+    let mut changed = report.clone();
+    changed.as_object_mut().unwrap().remove("digests").unwrap();
+    changed["verdict"] = "no_gap".into();
+    fs::write(folder.join("report.json"), changed.to_string()).unwrap();
+    refused("no digests", "digests: expected the SHA-256 of each section, found none");
     fs::write(folder.join("report.json"), whole).unwrap();
     for name in ["refitted.yaml", "fitted.yaml"] {
         let own = fs::read(folder.join(name)).unwrap();

@@ -1,6 +1,7 @@
 //! What a diagnosis says: the verdict and the evidence for it.
 
 mod claims;
+mod digests;
 mod findings;
 mod interval;
 mod regret;
@@ -19,6 +20,7 @@ use govtwin_model::parameters::Unit;
 use govtwin_model::stored::held_by_id;
 
 pub use crate::result::claims::{Blame, Experiment, Fitted, NEXT_TEST, Ranked, SignalGap};
+pub use crate::result::digests::sealed;
 pub use crate::result::findings::{
     Breakdown, BreakdownPart, ChannelReport, DetectableSize, DiscrepancyTerm, StageTest, Transfer, Tried,
 };

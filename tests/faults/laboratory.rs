@@ -2,6 +2,9 @@
 
 use std::fs;
 
+use govtwin_diagnosis::result::Verdict;
+use govtwin_diagnosis::result::schema::DiagnosisReport;
+
 use super::cases::{self, Case, PLAIN};
 
 pub fn blind() -> Case {
@@ -91,6 +94,6 @@ pub fn calibrate() -> Case {
 }
 
 /// A report of no difference, of what it does not say.
-fn report() -> &'static str {
-    r#"{"schema": "govtwin-diagnosis/1", "verdict": "no_gap", "location": {"stage": "servomotor"}, "effects": [], "ranking": [], "seconds": 12.0}"#
+fn report() -> String {
+    DiagnosisReport::of_verdict(Verdict::NoGap).json().to_string()
 }

@@ -27,12 +27,13 @@ mkdir circle; cp -r run circle/; ln -s . circle/again
 # Reports from strangers: edited, cut, of another version, or of another editor.
 made='"schema":"govtwin-diagnosis/1"'
 printf '{"schema":"govtwin-diagnosis/2"}' >later.json; printf '[]' >list.json; printf '%0200d' 0 | tr 0 '[' >nested.json
-printf '{%s,"verdict":"named","effects":[]}' "$made" >faultless.json
-printf '{%s,"verdict":"no_gap","ranking":[{"id":"none","probability":97}]}' "$made" >odds.json
-printf '{%s,"verdict":"no_gap","gap":{"closure":{"value":0.5,"ci90":[0.9,0.1]}}}' "$made" >crossed.json
+printf '{%s,"verdict":"no_gap","ranking":[{"id":"none","probability":0.97}]}' "$made" >odds.json
 printf '{%s,"verdict":"unknown","location":{"stage":"turbine"}}' "$made" >turbine.json
 printf '{%s,"verdict":"all is well"}' "$made" >well.json
-printf '\357\273\277{%s,"verdict":"no_gap"}' "$made" >bom.json
+digest() { printf '"%s"' "$1" | sha256sum | cut -c1-64; }
+digests=$(printf '"schema":"%s","verdict":"%s"' "$(digest govtwin-diagnosis/1)" "$(digest no_gap)")
+printf '\357\273\277{%s,"verdict":"no_gap","digests":{%s}}' "$made" "$digests" >bom.json
+printf '{%s,"verdict":"unknown","digests":{%s}}' "$made" "$digests" >changed.json
 printf 'main_ports:\n  overlap_m: {value: 0.2, unit: inch}\n' >inch.yaml
 printf 'oil:\n  density_kg_m3: 870 kg/m3\n' >suffix.yaml
 printf 'effects:\n  backlash: {play_pu: 0.3 %%}\n' >percent.yaml

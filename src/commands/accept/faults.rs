@@ -4,7 +4,6 @@ use std::path::Path;
 
 use anyhow::bail;
 use govtwin_diagnosis::acceptance::counterfactual::SizeKnowledge;
-use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::{Blame, Verdict};
 use govtwin_diagnosis::{DiagnosisSettings, diagnose};
 use govtwin_model::effects::find_in;
@@ -17,24 +16,6 @@ use crate::commands::diagnose::FITTED;
 pub use crate::commands::diagnose::REPORT;
 use crate::commands::output::Progress;
 use crate::commands::report_file;
-
-/// Refuses a twin that has other effects than the report beside it names, where the report does not state its digest.
-fn belongs(report: &DiagnosisReport, fitted: &Path, unit: &Unit) -> anyhow::Result<()> {
-    let ids = |mut all: Vec<&str>| {
-        all.sort_unstable();
-        if all.is_empty() { "none".to_owned() } else { all.join(", ") }
-    };
-    let named = ids(report.effects.iter().map(|blame| blame.id.as_str()).collect());
-    let found = ids(unit.effects.iter().map(|setting| setting.id.as_str()).collect());
-    let stated = report.provenance.iter().any(|made| made.written.contains_key(FITTED));
-    if matches!(report.verdict, Verdict::Named) && !stated && named != found {
-        bail!(
-            "{}: expected a twin with the effects that the report beside it names ({named}), found {found}; take both from one run of `govtwin diagnose`",
-            fitted.display()
-        );
-    }
-    Ok(())
-}
 
 /// What a diagnosis found.
 #[derive(Debug)]
@@ -64,9 +45,13 @@ impl FoundFaults {
             );
         }
         let diagnosis = report_file::diagnosis(&report)?;
-        let fitted = folder.join(FITTED);
-        let unit = params::load(&fitted)?;
-        belongs(&diagnosis, &fitted, &unit)?;
+        if !diagnosis.provenance.iter().any(|made| made.written.contains_key(FITTED)) {
+            bail!(
+                "{}: provenance.written: expected the digest of {FITTED}, found none; take both from one run of `govtwin diagnose`",
+                report.display()
+            );
+        }
+        let unit = params::load(&folder.join(FITTED))?;
         Ok(Self::of(diagnosis.verdict, &diagnosis.effects, unit, vec![], diagnosis.provenance))
     }
 

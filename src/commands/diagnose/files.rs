@@ -90,7 +90,7 @@ pub fn write(
     // By its digest a file is known as the one of this report.
     report.provenance = Some(Provenance { written, ..made.clone() });
     report.evidence.traces = page::kept_traces(&diagnosis.traces);
-    let json = format!("{:#}\n", report_file::sealed(report.json()));
+    let json = format!("{:#}\n", report.json());
     output.add("report.html", page::page(diagnosis, made).to_html().as_bytes())?;
     output.add(REPORT, json.as_bytes())?;
     output.place()?;

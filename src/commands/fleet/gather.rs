@@ -14,16 +14,14 @@ use govtwin_files::digest::sha256;
 use govtwin_files::store::{Store, StoreError};
 use govtwin_model::params;
 use govtwin_pages::table::Table;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::entries::PlanFile;
 use super::look_at_each;
-use super::worker::tell;
 use crate::commands::Outcome;
-use crate::commands::diagnose::REPORT;
 use crate::commands::output::{Output, print, table_text, warn, warn_all};
 use crate::commands::provenance::{self, PROGRAM};
-use crate::commands::report_file::{self, text_if_there};
+use crate::commands::report_file::text_if_there;
 
 /// Where a gathered fleet stands in its store.
 const FOLDER: &str = "fleet";
@@ -125,49 +123,22 @@ fn outcomes(store: &Store) -> anyhow::Result<(Vec<Kept>, Vec<String>)> {
     })
 }
 
-/// A result says what its report does, and the files beside that are its own; reports may also be kept elsewhere.
+/// The files of a report are those that were written with the result; reports may also be kept elsewhere.
 fn agrees(outcome: &Kept, store: &Store) -> anyhow::Result<()> {
     let Some(folder) = &outcome.report else { return Ok(()) };
-    let own = format!("reports/{}/", outcome.key);
-    if !folder.starts_with(&own) {
-        bail!("report: expected a folder of {own}, found {folder}");
-    }
-    let get = |name: &str| {
+    for (name, stated) in &outcome.files {
         let path = format!("{folder}/{name}");
-        if store.has(&path)? { store.get(&path).map(Some) } else { Ok(None) }
-    };
-    // What one worker wrote together agrees.
-    let is_own = |(name, stated): (&String, &String)| -> anyhow::Result<bool> {
-        Ok(get(name)?.is_none_or(|bytes| sha256(bytes) == *stated))
-    };
-    if outcome.is_sealed()
-        && outcome.files.iter().map(is_own).try_fold(true, |all, own| Ok::<_, anyhow::Error>(all && own?))?
-    {
-        return Ok(());
-    }
-    let Some(bytes) = get(REPORT)? else { return Ok(()) };
-    let place = || format!("{folder}/{REPORT}");
-    let whole = serde_json::from_slice(&bytes).with_context(place)?;
-    let mut report = report_file::sound_report(&whole, |name| Ok(get(name)?.map(sha256))).with_context(place)?;
-    let made = report.provenance.take().unwrap_or_default();
-    let mut expected = outcome.clone();
-    tell(&mut expected, &report.into(), &made);
-    difference("", &json!(expected), &json!(outcome)).map_or(Ok(()), |words| bail!("{words}"))
-}
-
-/// Where a result differs first from what its report says.
-fn difference(place: &str, report: &Value, result: &Value) -> Option<String> {
-    let below = |key: &str, value: &Value| {
-        difference(&if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") }, value, &result[key])
-    };
-    match (report, result) {
-        (Value::Object(entries), Value::Object(_)) => entries.iter().find_map(|(key, value)| below(key, value)),
-        (Value::Array(rows), Value::Array(others)) if rows.len() == others.len() => {
-            let mut both = rows.iter().zip(others).enumerate();
-            both.find_map(|(row, (one, other))| difference(&format!("{place}[{row}]"), one, other))
+        if !store.has(&path)? {
+            continue;
         }
-        _ => (report != result).then(|| format!("{place}: expected {report} as in its report, found {result}")),
+        let found = sha256(store.get(&path)?);
+        if found != *stated {
+            bail!(
+                "{path}: expected the file that was written with the result (SHA-256 {stated:.12}), found another ({found:.12})"
+            );
+        }
     }
+    Ok(())
 }
 
 /// What was noted of tries without a result, by key.
@@ -222,7 +193,7 @@ impl<'a> PageTarget<'a> {
 }
 
 fn standing(bytes: &[u8], shown: &str) -> anyhow::Result<Standing> {
-    let whole: Value = serde_json::from_slice(bytes).with_context(|| shown.to_owned())?;
+    let whole: serde_json::Value = serde_json::from_slice(bytes).with_context(|| shown.to_owned())?;
     serde_json::from_value(whole["standing"].clone())
         .with_context(|| format!("{shown}: expected the figures of a fleet that was gathered before; name another folder with --out, or remove it"))
 }

@@ -7,10 +7,9 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use govtwin_diagnosis::fleet::entry::Entry;
 use govtwin_diagnosis::fleet::result::{EntryResult, FoundCause, Work};
-use govtwin_diagnosis::result::Diagnosis;
 use govtwin_files::digest::sha256;
 use govtwin_files::store::Store;
-use govtwin_model::provenance::{FileUsed, Provenance};
+use govtwin_model::provenance::FileUsed;
 
 use crate::commands::bags::MapArgs;
 use crate::commands::diagnose::{self, Diagnosed, NAMES, UnitArgs};
@@ -102,17 +101,12 @@ fn keep(outcome: &mut EntryResult, diagnosed: &Diagnosed, out: &Path, store: &St
             outcome.files.insert(name.to_owned(), sha256(&bytes));
         }
     }
-    tell(outcome, &diagnosed.diagnosis, &diagnosed.made);
+    outcome.unit.clone_from(&diagnosed.made.unit);
+    outcome.found = Some(FoundCause::of(&diagnosed.diagnosis));
+    outcome.warnings.clone_from(&diagnosed.made.warnings);
+    outcome.origins = diagnosed.made.origins().into_iter().map(str::to_owned).collect();
     outcome.report = Some(folder);
     Ok(())
-}
-
-/// What a result says of its diagnosis.
-pub fn tell(outcome: &mut EntryResult, diagnosis: &Diagnosis, made: &Provenance) {
-    outcome.unit.clone_from(&made.unit);
-    outcome.found = Some(FoundCause::of(diagnosis));
-    outcome.warnings.clone_from(&made.warnings);
-    outcome.origins = made.origins().into_iter().map(str::to_owned).collect();
 }
 
 /// Whether an error is the machine's and not the data's: a full disk, a file that went away, memory that is short.

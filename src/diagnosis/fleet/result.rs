@@ -45,7 +45,7 @@ pub struct EntryResult {
     /// SHA-256 of the files in that folder, by name.
     #[serde(default)]
     pub files: BTreeMap<String, String>,
-    /// SHA-256 of all else in here; empty where it was written by another version.
+    /// SHA-256 of all else in here.
     #[serde(default)]
     pub digest: String,
 }
@@ -139,45 +139,6 @@ impl SizeInterval {
 }
 
 impl FoundCause {
-    /// Whether its parts agree: causes where the verdict names some, and none where it does not; values in their intervals; shares from 0 to 1.
-    ///
-    /// # Errors
-    /// In words with the field.
-    fn check(&self) -> Result<(), String> {
-        let verdict = &self.verdict;
-        let Some(known) = Verdict::ALL.into_iter().find(|known| known.id() == verdict) else {
-            return Err(format!("found.verdict: expected a verdict of `govtwin diagnose`, found `{verdict}`"));
-        };
-        let count = self.causes.len();
-        if matches!(known, Verdict::Named | Verdict::Class) && count == 0 {
-            return Err(format!("found.causes: expected the causes of the verdict `{verdict}`, found none"));
-        }
-        if matches!(known, Verdict::NoGap | Verdict::NotExcited) && count > 0 {
-            return Err(format!("found.causes: expected none with the verdict `{verdict}`, found {count}"));
-        }
-        let shares = [("unknown_probability", self.unknown_probability), ("none_probability", self.none_probability)];
-        let of_causes = self.causes.iter().map(|cause| ("causes.probability", cause.probability));
-        for (key, share) in shares.into_iter().chain(of_causes) {
-            if let Some(share) = share.filter(|share| !(0.0..=1.0 + 1e-9).contains(share)) {
-                return Err(format!("found.{key}: expected 0 to 1, found {share}"));
-            }
-        }
-        let sizes = self.causes.iter().flat_map(|cause| &cause.sizes);
-        for SizeInterval { name, value, low, high, .. } in sizes.chain(&self.parameters) {
-            let (Some(value), Some(low), Some(high)) = (value, low, high) else { continue };
-            let room = 1e-6 * value.abs().max(low.abs()).max(high.abs());
-            if low > high {
-                return Err(format!("found: `{name}`: expected an interval from low to high, found [{low}, {high}]"));
-            }
-            if !(low - room..=high + room).contains(value) {
-                return Err(format!(
-                    "found: `{name}`: expected a value in its interval [{low}, {high}], found {value}"
-                ));
-            }
-        }
-        Ok(())
-    }
-
     /// What a fleet keeps of a diagnosis.
     pub fn of(diagnosis: &Diagnosis) -> Self {
         let probability = |id: &str| {
@@ -238,9 +199,14 @@ pub enum OutcomeError {
         /// The key in it.
         found: String,
     },
-    /// Its parts contradict each other.
-    #[error("{0}")]
-    Figure(String),
+    /// It was changed.
+    #[error("digest: expected {expected:.12}, found {found:.12}: the result was changed, or is of an earlier program")]
+    Digest {
+        /// The digest of what it holds.
+        expected: String,
+        /// The digest in it.
+        found: String,
+    },
 }
 
 impl EntryResult {
@@ -263,11 +229,6 @@ impl EntryResult {
         Self { digest: self.own_digest(), ..self }
     }
 
-    /// Whether it is as it was sealed.
-    pub fn is_sealed(&self) -> bool {
-        self.digest == self.own_digest()
-    }
-
     fn own_digest(&self) -> String {
         sha256(Self { digest: String::new(), ..self.clone() }.json())
     }
@@ -275,7 +236,7 @@ impl EntryResult {
     /// Reads the result of a key from the store.
     ///
     /// # Errors
-    /// Where it is none, or not that of the key.
+    /// Where it is none, not that of the key, or was changed.
     pub fn read(text: &[u8], key: &str) -> Result<Self, OutcomeError> {
         let outcome: Self = serde_json::from_slice(text)?;
         if outcome.schema != SCHEMA {
@@ -284,7 +245,11 @@ impl EntryResult {
         if outcome.key != key {
             return Err(OutcomeError::Key { expected: key.to_owned(), found: outcome.key });
         }
-        outcome.found.as_ref().map_or(Ok(()), FoundCause::check).map_err(OutcomeError::Figure)?;
+        let expected = outcome.own_digest();
+        if outcome.digest != expected {
+            let found = if outcome.digest.is_empty() { "none".to_owned() } else { outcome.digest };
+            return Err(OutcomeError::Digest { expected, found });
+        }
         Ok(outcome)
     }
 
@@ -348,11 +313,15 @@ mod tests {
     #[test]
     fn a_result_reads_back_and_stands_under_its_own_key() {
         let entry = Entry { unit: "a".into(), ..Entry::default() }.keyed("p");
-        let outcome = EntryResult { error: Some("torn".into()), ..EntryResult::of(&entry, "p") };
+        let open = EntryResult { error: Some("torn".into()), ..EntryResult::of(&entry, "p") };
+        let outcome = open.clone().sealed();
         assert_eq!(EntryResult::read(outcome.json().as_bytes(), &entry.key).unwrap(), outcome);
-        let sealed = outcome.clone().sealed();
-        assert!(sealed.is_sealed() && !outcome.is_sealed());
-        assert!(!EntryResult { unit: "b".into(), ..sealed }.is_sealed());
+        for (changed, words) in
+            [(open, "found none"), (EntryResult { unit: "b".into(), ..outcome.clone() }, "digest: expected ")]
+        {
+            let error = EntryResult::read(changed.json().as_bytes(), &entry.key).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
         assert!(matches!(EntryResult::read(outcome.json().as_bytes(), "other"), Err(OutcomeError::Key { .. })));
         assert!(matches!(EntryResult::read(b"{}", "other"), Err(OutcomeError::Malformed(_))));
         assert!(matches!(

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::digests::{DIGESTS, sealed, unchanged};
 use crate::hypotheses::table::EvidenceTable;
 use crate::model::consistency::Consistency;
 use crate::result::{
@@ -231,6 +232,25 @@ pub enum ReportError {
     /// A field that is missing or is none of those that may stand there.
     #[error(transparent)]
     Field(#[from] serde_path_to_error::Error<serde_json::Error>),
+    /// Nothing by which a change would show.
+    #[error(
+        "{DIGESTS}: expected the SHA-256 of each section, found none: the report was changed, or is of an earlier program; make it again with \
+         `govtwin diagnose`"
+    )]
+    Unsealed,
+    /// A section that is not the one that was written.
+    #[error(
+        "{section}: expected what was written (SHA-256 {stated:.12}), found something else ({found:.12}): the report was changed; make it again \
+         with `govtwin diagnose`"
+    )]
+    Changed {
+        /// The section.
+        section: String,
+        /// The digest in the report.
+        stated: String,
+        /// The digest of what stands there.
+        found: String,
+    },
 }
 
 impl DiagnosisReport {
@@ -303,7 +323,7 @@ impl DiagnosisReport {
     /// Reads a report.
     ///
     /// # Errors
-    /// Where it is none of this schema, or a field is missing or holds what cannot stand there; the error names the field.
+    /// Where it is none of this schema, a field is missing or holds what cannot stand there, or it was changed; the error names the field.
     pub fn read(text: &str) -> Result<Self, ReportError> {
         Self::of_json(&serde_json::from_str(text)?)
     }
@@ -317,12 +337,14 @@ impl DiagnosisReport {
         if schema != SCHEMA {
             return Err(ReportError::Schema(schema.to_owned()));
         }
-        Ok(serde_path_to_error::deserialize(report)?)
+        let read = serde_path_to_error::deserialize(report)?;
+        unchanged(report)?;
+        Ok(read)
     }
 
-    /// The same as JSON, keys in the order of the alphabet.
+    /// The same as JSON, keys in the order of the alphabet, with digests.
     pub fn json(&self) -> Value {
-        serde_json::to_value(self).unwrap_or_default()
+        sealed(serde_json::to_value(self).unwrap_or_default())
     }
 }
 

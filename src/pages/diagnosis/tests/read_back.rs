@@ -6,7 +6,7 @@ use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::test_script::{CommandShape, TestScript};
 use govtwin_diagnosis::result::{
     ComparedModel, Diagnosis, HiddenEffect, ModelParameter, NEXT_TEST, Setup, SheetLimits, SheetValue, StageFigure,
-    StageOnly, Transfer, Verdict,
+    StageOnly, Transfer, Verdict, sealed,
 };
 use govtwin_model::signal::Signal;
 
@@ -55,12 +55,19 @@ fn a_report_reads_back_as_it_was_written_and_makes_the_same_page() {
         let read = DiagnosisReport::read(&json.to_string()).unwrap();
         assert_eq!(read.json(), json);
         assert_eq!(html_of(&read.into(), &synthetic()), html_of(&diagnosis, &synthetic()));
+        // What was changed is named, and so is that nobody can tell.
+        for section in ["verdict", "digests"] {
+            let mut changed = json.clone();
+            changed[section] = if section == "verdict" { "unknown".into() } else { serde_json::Value::Null };
+            let error = DiagnosisReport::read(&changed.to_string()).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("{section}: expected ")), "{error}");
+        }
         // One of an older program has the errors of free runs twice, and no intervals of plain models.
         let mut older = json;
         let stage = &mut older["evidence"]["servomotor_stage_only"];
         stage["free_runs"] = serde_json::json!([{ "effects": "", "fitted_on": "first half", "rmse_pu": 1e-3, "held_out_rmse_pu": 2e-3 }]);
         stage["models"][0]["parameters"][0].as_object_mut().unwrap().remove("ci90").unwrap();
-        let read: Diagnosis = DiagnosisReport::read(&older.to_string()).unwrap().into();
+        let read: Diagnosis = DiagnosisReport::read(&sealed(older).to_string()).unwrap().into();
         let parameter = &read.part.as_ref().unwrap().models[0].parameters[0];
         assert!(parameter.value == 0.35 && parameter.ends.0.is_nan(), "{parameter:?}");
         assert!(html_of(&read, &synthetic()).contains("lag 0.350 s"), "no interval is made up");
