@@ -103,12 +103,16 @@ pub(super) fn date_by_log<V>(samples: &mut [Sample<V>], health: &mut StreamHealt
     }
 }
 
-/// Moves the stamps of a stream onto the recorder's clock: a message that nothing held up was recorded when it was stamped.
+/// Moves the stamps of a stream onto the recorder's clock: a message that nothing held up was recorded when it was stamped. Stamps of a sender without
+/// a clock, 0 or standing still, are the time of recording.
 pub(super) fn align_by_log<V>(samples: &mut [Sample<V>]) {
-    let delays_ns = samples.iter().map(|sample| sample.log_time_ns.saturating_sub(sample.stamp_ns));
-    let least_ns = delays_ns.min().unwrap_or_default();
+    let stands = samples.windows(2).all(|pair| pair[0].stamp_ns == pair[1].stamp_ns);
+    let near_zero = is_near_zero(samples);
+    let is_set = |sample: &Sample<V>| !stands && (sample.stamp_ns != 0 || near_zero);
+    let delay_ns = |sample: &Sample<V>| sample.log_time_ns.saturating_sub(sample.stamp_ns);
+    let least_ns = samples.iter().filter(|sample| is_set(sample)).map(delay_ns).min().unwrap_or_default();
     for sample in samples {
-        sample.stamp_ns = sample.stamp_ns.saturating_add(least_ns);
+        sample.stamp_ns = if is_set(sample) { sample.stamp_ns.saturating_add(least_ns) } else { sample.log_time_ns };
     }
 }
 
