@@ -182,14 +182,16 @@ impl FieldReader {
         found
     }
 
-    /// The value at a path, and what the message itself calls it, where the path names an element by its number and names stand beside it.
+    /// The value at a path, and what the message itself calls it, where the path names an element by its number and names stand beside it. A name that
+    /// stands there twice comes without a value.
     pub fn element(&self, path: &FieldPath, data: &[u8]) -> (Option<FieldValue>, Option<String>) {
         let (mut found, mut called) = (None, None);
-        let whole = self.visit(data, Some(path), &mut |name, value| {
+        let twice = self.visit(data, Some(path), &mut |name, value| {
             called = Some(name.to_owned()).filter(|name| !name.is_empty());
             found = Some(value);
         });
-        if whole.is_some() { (found, called) } else { (None, None) }
+        let Some(twice) = twice else { return (None, None) };
+        if twice.is_empty() { (found, called) } else { (None, Some(twice)) }
     }
 
     /// Every number and text of a message with its path below the topic, such as `position[servomotor]`.
@@ -199,12 +201,14 @@ impl FieldReader {
         if whole.is_some() { found } else { vec![] }
     }
 
-    fn visit(&self, data: &[u8], path: Option<&FieldPath>, on_leaf: &mut OnLeaf<'_>) -> Option<()> {
+    /// None where the message is cut short, else the name of the path that stands there twice, empty where none does.
+    fn visit(&self, data: &[u8], path: Option<&FieldPath>, on_leaf: &mut OnLeaf<'_>) -> Option<String> {
         let steps = STEPS_PER_BYTE.saturating_mul(data.len().saturating_add(2));
         let walk = Walk::over_message(data, steps)?;
         let wanted = path.map(|path| path.steps.as_slice());
-        let mut visit = Visit { reader: self, walk, names: vec![], on_leaf };
-        visit.structure(self.types.first()?, wanted, "", 0)
+        let mut visit = Visit { reader: self, walk, names: vec![], twice: String::new(), on_leaf };
+        visit.structure(self.types.first()?, wanted, "", 0)?;
+        Some(visit.twice)
     }
 }
 
@@ -216,6 +220,8 @@ struct Visit<'a, 'b> {
     walk: Walk<'a>,
     /// Lists of texts that were passed in the structures that are open, by which elements are named.
     names: Vec<Vec<String>>,
+    /// A name of the path that stands twice in its list.
+    twice: String,
     on_leaf: &'b mut OnLeaf<'b>,
 }
 
@@ -279,17 +285,27 @@ impl<'a> Visit<'a, '_> {
         let index = match step.and_then(|step| step.index.as_ref()) {
             Some(Index::Number(index)) => Some(*index),
             Some(Index::Name(name)) => {
-                let lists = self.names.iter().rev();
-                let mut places = lists.filter_map(|names| names.iter().position(|known| known == name));
-                Some(places.next().map_or(u64::MAX, |place| place as u64))
+                let of = |names: &Vec<String>| {
+                    (0..).zip(names).filter(|(_, known)| *known == name).map(|(k, _)| k).collect()
+                };
+                let places: Vec<u64> =
+                    self.names.iter().rev().map(of).find(|places: &Vec<u64>| !places.is_empty()).unwrap_or_default();
+                if places.len() > 1 {
+                    self.twice.clone_from(name);
+                }
+                Some(if let [place] = places[..] { place } else { u64::MAX })
             }
             None => None,
         };
+        let numbered = matches!(step.and_then(|step| step.index.as_ref()), Some(Index::Number(_)));
         let mut texts = vec![];
         for k in 0..count {
             let this = wanted && index.is_none_or(|index| index == k) && (step.is_some() || k < MOST_LISTED);
-            let name = || self.names.last().filter(|names| names.len() as u64 == count)?.get(usize::try_from(k).ok()?);
-            let numbered = matches!(step.and_then(|step| step.index.as_ref()), Some(Index::Number(_)));
+            let name = || {
+                let names = self.names.last().filter(|names| names.len() as u64 == count)?;
+                let name = names.get(usize::try_from(k).ok()?)?;
+                Some(name).filter(|_| numbered || names.iter().filter(|other| *other == name).count() == 1)
+            };
             let here = match (this, step.is_some()) {
                 (false, _) => String::new(),
                 (true, true) => name().filter(|_| numbered).cloned().unwrap_or_default(),

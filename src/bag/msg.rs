@@ -279,3 +279,17 @@ pub struct JointState {
     /// Efforts, N.
     pub effort: Vec<f64>,
 }
+
+impl JointState {
+    /// The place of a joint; none where it is absent.
+    ///
+    /// # Errors
+    /// In words, where it is there twice: nobody can tell which is meant.
+    pub fn joint(&self, name: &str) -> Result<Option<usize>, String> {
+        let mut places = self.name.iter().enumerate().filter(|(_, known)| *known == name).map(|(place, _)| place);
+        match (places.next(), places.next()) {
+            (Some(_), Some(_)) => Err(format!("a joint command with the joint `{name}` twice")),
+            (place, _) => Ok(place),
+        }
+    }
+}

@@ -74,7 +74,7 @@ impl Value for PistonForce {
     type Message = msg::JointState;
 
     fn of(message: &Self::Message, _: Positions, faults: &mut Vec<String>) -> Result<Self, String> {
-        let index = message.name.iter().position(|name| name == SERVOMOTOR);
+        let index = message.joint(SERVOMOTOR)?;
         let index = index.ok_or_else(|| format!("a joint command without the joint `{SERVOMOTOR}`"))?;
         if message.position.get(index).is_some_and(|position_m| !position_m.is_nan()) {
             faults.push(

@@ -43,6 +43,8 @@ with_words! {
         NothingAsked = "without position or effort of the joint `servomotor`",
         /// A message without the field that a map names.
         FieldAbsent = "without the field that the map names",
+        /// Nobody can tell which of two elements is meant.
+        Twice = "with the joint `servomotor`, or the element that the map names, twice",
         /// A text in a field that a map takes for a number.
         Text = "text, where the map expects a number",
         /// Its stamp is older than the node takes, or as far ahead.

@@ -58,11 +58,14 @@ fn what_a_joint_command_asks_for_besides_a_force_is_reported_as_not_taken() {
     let mut bag = Bag::standard(10);
     ask(&mut bag, TOPIC, BEGIN_NS + 3000 * MS, 0.3, 1e5);
     ask(&mut bag, TOPIC, BEGIN_NS + 4000 * MS, f64::NAN, f64::INFINITY);
+    let header = Header::at(BEGIN_NS + 5000 * MS);
+    let name = vec!["servomotor".to_owned(), "servomotor".to_owned()];
+    bag.put(TOPIC, BEGIN_NS + 5001 * MS, &JointState { header, name, effort: vec![1e5, 2e5], ..JointState::default() });
     bag.entries.sort_by_key(|entry| entry.log_ns);
     let (_folder, path) = bag.file(WriteOptions::new());
     let loaded = read_both_ways(&path, &ReadOptions::default()).unwrap();
     let told: Vec<String> = loaded.health.warnings.iter().map(ToString::to_string).collect();
-    assert!(matches!(&loaded.health.warnings[..], [Warning::Dropped { count: 2, of: 2, .. }]), "{told:?}");
+    assert!(matches!(&loaded.health.warnings[..], [Warning::Dropped { count: 3, of: 3, .. }]), "{told:?}");
     assert!(told[0].contains(TOPIC) && told[0].contains("a joint command for a position"), "{told:?}");
     assert_eq!(loaded.recording.frames.last().unwrap().inputs.piston_force_n.to_bits(), f64::NAN.to_bits());
 }

@@ -1,6 +1,7 @@
 //! Fields of messages by their paths, tried.
 
 use super::*;
+use crate::cdr;
 
 fn reader(type_name: &str, schema: &str) -> FieldReader {
     FieldReader::new(&TopicInfo {
@@ -89,6 +90,18 @@ fn numbers_of_every_kind_are_found_by_index_and_by_name() {
         let error = reader.check(&FieldPath::parse(path).unwrap()).unwrap_err();
         assert!(error.contains(words), "{error}");
     }
+}
+
+#[test]
+fn a_name_that_stands_twice_gives_no_value() {
+    let reader = reader("sensor_msgs/msg/JointState", "string[] name\nfloat64[] position\n");
+    let message = cdr::encode(&(["gate", "spool", "gate"].map(str::to_owned).to_vec(), vec![1.0, 2.0, 3.0])).unwrap();
+    let element = |path: &str| reader.element(&FieldPath::parse(path).unwrap(), &message);
+    assert_eq!(element("/a.position[gate]"), (None, Some("gate".into())));
+    assert_eq!(element("/a.position[spool]"), (Some(FieldValue::Number(2.0)), None));
+    assert_eq!(element("/a.position[2]"), (Some(FieldValue::Number(3.0)), Some("gate".into())));
+    let leaves: Vec<String> = reader.leaves(&message).into_iter().map(|(path, _)| path).collect();
+    assert_eq!(leaves, ["position[0]", "position[spool]", "position[2]"]);
 }
 
 #[test]

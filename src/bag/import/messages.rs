@@ -91,6 +91,8 @@ pub enum FieldState {
     Value,
     /// Not the field: an array was shorter, a name was not in its list, or the message was cut short.
     Absent,
+    /// Two elements of the name that the map gives.
+    Twice,
     /// A number that is not finite.
     NotFinite,
     /// Text, where a number is expected.
@@ -104,6 +106,8 @@ struct TopicSignal {
     state: FieldState,
     /// Messages that did not hold the field.
     absent: u64,
+    /// Messages in which the element that the map names stands twice.
+    twice: u64,
     /// Of an element that the map names by its number: what the first message and the newest call it, and how often that was another name than before.
     element: Option<[String; 2]>,
     renamed: u64,
@@ -135,6 +139,7 @@ impl MappedTopic {
                 field: field.clone(),
                 state: FieldState::Absent,
                 absent: 0,
+                twice: 0,
                 element: None,
                 renamed: 0,
             });
@@ -174,8 +179,13 @@ impl MappedTopic {
         self.stamp_ns = self.reader.stamp_ns(data).filter(|_| !self.by_log);
         self.undated += u64::from(self.stamp_ns.is_none() && !self.by_log);
         let mut row = ImportedRow::at(self.stamp_ns.unwrap_or(log_time_ns));
-        for TopicSignal { field, state, absent, element, renamed } in &mut self.signals {
+        for TopicSignal { field, state, absent, twice, element, renamed } in &mut self.signals {
             let (value, name) = self.reader.element(&field.path, data);
+            if value.is_none() && name.is_some() {
+                *twice += 1;
+                *state = FieldState::Twice;
+                continue;
+            }
             if let Some(name) = name {
                 let [first, newest] = element.take().unwrap_or_else(|| [name.clone(), name.clone()]);
                 *renamed += u64::from(newest != name);
@@ -226,17 +236,23 @@ impl MappedTopic {
         self.signals.iter().map(|signal| (&signal.field.channel, signal.absent))
     }
 
-    /// Elements that the map names by their numbers, and that are not always the same.
-    pub(super) fn renamed(&self) -> impl Iterator<Item = String> {
-        let moved = self.signals.iter().filter(|signal| signal.renamed > 0);
-        moved.filter_map(|TopicSignal { field, element, renamed, .. }| {
-            let [first, newest] = element.as_ref()?;
-            Some(format!(
-                "{} (`{}`): the messages call this element by another name than before {renamed} times, `{first}` in the first and `{newest}` in \
-                 the last; in the map, put the name that you mean in the place of its number: `[{first}]`",
-                field.target().id(),
-                field.place,
-            ))
+    /// Elements that are not always the same, and such that stand twice in a message.
+    pub(super) fn doubtful(&self) -> impl Iterator<Item = String> {
+        self.signals.iter().flat_map(|TopicSignal { field, twice, element, renamed, .. }| {
+            let (id, place) = (field.target().id(), &field.place);
+            let twice = (*twice > 0).then(|| {
+                format!(
+                    "{id} (`{place}`): {twice} messages have two elements of this name and are not read; in the map, put the number of the element in \
+                     the place of its name"
+                )
+            });
+            let renamed = element.as_ref().filter(|_| *renamed > 0).map(|[first, newest]| {
+                format!(
+                    "{id} (`{place}`): the messages call this element by another name than before {renamed} times, `{first}` in the first and \
+                     `{newest}` in the last; in the map, put the name that you mean in the place of its number: `[{first}]`"
+                )
+            });
+            twice.into_iter().chain(renamed)
         })
     }
 }
@@ -256,6 +272,7 @@ pub fn topics_of(fields: &[MappedField]) -> Vec<String> {
 mod tests {
     use super::*;
     use crate::cdr;
+    use crate::msg::{Interface, JointState};
 
     fn map(text: &str) -> Map {
         Map::parse(text, Path::new("map.yaml")).unwrap()
@@ -294,6 +311,21 @@ mod tests {
         assert!(topic.is_latched() && topic.stamp_ns().is_none());
         let row = topic.take(&[0, 1, 0, 0, 1, 2], 9, 2);
         assert!(row.is_empty() && topic.signals().all(|(_, state)| state == FieldState::Absent), "cut short");
+    }
+
+    #[test]
+    fn an_element_that_stands_twice_is_not_read() {
+        let map = map("signals: {servomotor_position: '/j.position[gate]', spool_position: '/j.position[spool]'}");
+        let fields = map.heard(Path::new("map.yaml")).unwrap();
+        let joints = TopicInfo { name: "/j".into(), type_name: JointState::TYPE_NAME.into(), ..float64() };
+        let mut topic = MappedTopic::new("/j", &joints, &fields, &map).unwrap();
+        let name = ["gate", "spool", "gate"].map(str::to_owned).to_vec();
+        let message = JointState { name, position: vec![0.1, 0.2, 0.3], ..JointState::default() };
+        let row = topic.take(&cdr::encode(&message).unwrap(), 7, 1);
+        assert_eq!([Target::ServomotorPosition, Target::SpoolPosition].map(|one| row.value(one)), [None, Some(0.2)]);
+        assert!(topic.signals().map(|(_, state)| state).eq([FieldState::Twice, FieldState::Value]));
+        let said: Vec<String> = topic.doubtful().collect();
+        assert!(said.len() == 1 && said[0].contains("(`/j.position[gate]`): 1 messages have two elements"), "{said:?}");
     }
 
     #[test]

@@ -102,7 +102,7 @@ impl Source for BagRows {
             ));
         }
         said.warnings
-            .extend(self.topics.iter().flat_map(|(_, topic)| topic.renamed()).map(|words| format!("{path}: {words}")));
+            .extend(self.topics.iter().flat_map(|(_, topic)| topic.doubtful()).map(|words| format!("{path}: {words}")));
         for (channel, absent) in self.channels() {
             let (id, place) = (channel.map.target.id(), channel.map.place().unwrap_or_default());
             if absent > 0 {

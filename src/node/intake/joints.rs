@@ -25,7 +25,7 @@ pub(crate) fn asked(message: &JointState, stroke_m: f64, gate: &mut TopicGate) -
 }
 
 fn read(message: &JointState, stroke_m: f64) -> Result<JointTarget, Refusal> {
-    let index = message.name.iter().position(|name| name == JOINTS[1]).ok_or(Refusal::NothingAsked)?;
+    let index = message.joint(JOINTS[1]).map_err(|_| Refusal::Twice)?.ok_or(Refusal::NothingAsked)?;
     let at = |values: &[f64]| values.get(index).copied().filter(|value| !value.is_nan());
     let opening_command_pu = at(&message.position).map(|position_m| in_range(position_m / stroke_m, OPENING_RANGE_PU));
     let load_n = at(&message.effort).map(|force_n| in_range(force_n, (-LARGEST_FORCE_N, LARGEST_FORCE_N)));
@@ -68,5 +68,8 @@ mod tests {
         }
         let other = asked(&command("gate", &[0.0, 0.3], &[]), 0.6, &mut TopicGate::default());
         assert_eq!(other, Err(Refusal::NothingAsked));
+        let mut twice = command("servomotor", &[0.3, 0.5], &[]);
+        twice.name[0] = "servomotor".to_owned();
+        assert_eq!(asked(&twice, 0.6, &mut TopicGate::default()), Err(Refusal::Twice));
     }
 }

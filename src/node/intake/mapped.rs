@@ -39,6 +39,7 @@ pub(crate) fn refusal_of(state: FieldState) -> Option<Refusal> {
     match state {
         FieldState::Value => None,
         FieldState::Absent => Some(Refusal::FieldAbsent),
+        FieldState::Twice => Some(Refusal::Twice),
         FieldState::NotFinite => Some(Refusal::NotFinite),
         FieldState::Text => Some(Refusal::Text),
     }
