@@ -114,6 +114,16 @@ fn bases_that_are_missing_circular_or_wrong_are_told() {
     write(folder.path(), "b.yaml", "base: ./a.yaml\n");
     assert!(text("a.yaml").contains("rests on itself"), "{}", text("a.yaml"));
     write(folder.path(), "wrong.yaml", "oil: {density_kg_m3: 1}\n");
+    // Nobody's file is quoted because a `base` leads to it.
+    for (secret, place) in
+        [("root:x:0:0\n", "secret:"), ("user: root\nkey: hunter2\n", "secret:1:"), ("a: [root\nb: 2\n", "secret:")]
+    {
+        write(folder.path(), "secret", secret);
+        write(folder.path(), "thief.yaml", "base: secret\n");
+        let told = params::load(&folder.path().join("thief.yaml")).unwrap_err().to_string();
+        assert!(told.contains(place) && told.contains("expected a parameter file, with sections such as"), "{told}");
+        assert!(!told.contains("root") && !told.contains("user") && !told.contains("hunter2"), "{told}");
+    }
     write(folder.path(), "over.yaml", "base: wrong.yaml\n");
     assert!(
         text("over.yaml").contains("wrong.yaml:1: oil.density_kg_m3: 1.0 kg/m3 is outside"),

@@ -143,15 +143,16 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
                 }
                 let mut known = BTreeSet::new();
                 for relative in &metadata.relative_file_paths {
-                    if !is_inside(relative) {
+                    let file = named(path, relative);
+                    if !is_inside(relative) || file.as_ref().is_some_and(|file| !is_below(path, file)) {
                         let problem = format!(
-                            "names `{}`, which lies outside of the bag's folder; it is not read",
+                            "names `{}`, which leads outside of the bag's folder; it is not read",
                             shown(relative)
                         );
                         source.warnings.push(Warning::Metadata { problem });
                         continue;
                     }
-                    match named(path, relative) {
+                    match file {
                         // A file that is named again is read once, by whatever way its name leads there.
                         Some(file) => {
                             let real = file.canonicalize().unwrap_or_else(|_| file.clone());
@@ -170,6 +171,8 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
     }
     if files.is_empty() {
         *files = files_like_a_bag(path)?;
+        // What `metadata.yaml` names outside is not read by way of the folder either.
+        files.retain(|file| source.metadata.is_none() || is_below(path, file));
     }
     if files.is_empty() {
         return Err(BagError::NotABag {
@@ -179,6 +182,12 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
         });
     }
     Ok(())
+}
+
+/// Whether a file lies in a folder or below it once all links are followed.
+fn is_below(folder: &Path, file: &Path) -> bool {
+    let [folder, file] = [folder, file].map(Path::canonicalize);
+    folder.is_ok_and(|folder| file.is_ok_and(|file| file.starts_with(folder)))
 }
 
 /// Whether a name leads to a file in the bag's folder, or below it.

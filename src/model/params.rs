@@ -114,7 +114,14 @@ fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError>
     })?;
     let text = read(PARAMETER, path)?;
     let invalid = |problems| ParamsError::Invalid { what: PARAMETER, path: path.to_path_buf(), problems };
-    let document = parse(&text).map_err(invalid)?;
+    // What stands in a file that only a `base` names is quoted once it is known for a parameter file: it may be anybody's.
+    let is_base = !open.is_empty();
+    let unquoted = |problems: Vec<FileProblem>| {
+        let line = problems.first().and_then(|problem| problem.line);
+        let message = "expected a parameter file, with sections such as `oil:`, found something else; `govtwin check` on this file says what";
+        invalid(vec![FileProblem { line, key: String::new(), message: message.to_owned() }])
+    };
+    let document = parse(&text).map_err(|problems| if is_base { unquoted(problems) } else { invalid(problems) })?;
     open.push(identity);
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut sheet = match document.text("base") {
@@ -143,7 +150,8 @@ fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError>
     };
     let problems = merge::merge(&document, Some(path), &mut sheet);
     if !problems.is_empty() {
-        return Err(invalid(problems));
+        let is_foreign = is_base && !merge::has_sections(&document);
+        return Err(if is_foreign { unquoted(problems) } else { invalid(problems) });
     }
     sheet.files.push(path.to_path_buf());
     Ok(sheet)

@@ -31,6 +31,13 @@ pub(super) fn merge(document: &Document, file: Option<&Path>, sheet: &mut Sheet)
     merge.problems
 }
 
+/// Whether a file holds a section that only parameter files have.
+pub(super) fn has_sections(document: &Document) -> bool {
+    let Node::Map(map) = &document.root else { return false };
+    let known = || sections().chain(["base", "sensors", "effects", "recorded"]);
+    map.iter().any(|(key, _)| known().any(|known| known == key))
+}
+
 struct Merge<'a> {
     document: &'a Document,
     file: Option<&'a Path>,
