@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::record::Record;
-use super::topic::{RawView, TopicInfo};
+use super::topic::{HASH_KEY, QOS_KEY, RawView, TopicInfo};
 
 /// Schemas and channels met so far.
 #[derive(Debug, Default)]
@@ -53,15 +53,18 @@ impl Channels {
             Record::Channel { id, schema_id, topic, encoding, metadata } => {
                 let Schema { name: type_name, encoding: schema_encoding, data: schema } =
                     self.schemas.get(schema_id).cloned().unwrap_or_default();
-                let text = |key: &str| metadata.get(key).copied().unwrap_or_default().to_owned();
+                let mut metadata: BTreeMap<String, String> =
+                    metadata.iter().map(|(key, text)| ((*key).to_owned(), (*text).to_owned())).collect();
+                let mut text = |key: &str| metadata.remove(key).unwrap_or_default();
                 let info = TopicInfo {
                     name: (*topic).to_owned(),
                     type_name,
                     encoding: (*encoding).to_owned(),
                     schema_encoding,
                     schema,
-                    offered_qos_profiles: text("offered_qos_profiles"),
-                    type_hash: text("topic_type_hash"),
+                    offered_qos_profiles: text(QOS_KEY),
+                    type_hash: text(HASH_KEY),
+                    metadata,
                 };
                 // Summary and data both hold the channel; the same `Arc` stays so that comparing is cheap.
                 if !self.topics.get(id).is_some_and(|known| is_same(known, &info)) {
@@ -110,4 +113,5 @@ fn is_same(known: &TopicInfo, other: &TopicInfo) -> bool {
         && known.schema_encoding == other.schema_encoding
         && known.offered_qos_profiles == other.offered_qos_profiles
         && known.type_hash == other.type_hash
+        && known.metadata == other.metadata
 }

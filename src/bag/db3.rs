@@ -124,6 +124,7 @@ fn topics(connection: &Connection) -> rusqlite::Result<BTreeMap<u16, Arc<TopicIn
             offered_qos_profiles: optional(row, "offered_qos_profiles"),
             type_hash,
             type_name,
+            metadata: BTreeMap::new(),
         };
         found.insert(row.get("id")?, Arc::new(topic));
     }

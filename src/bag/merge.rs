@@ -19,6 +19,8 @@ pub struct MergedMessages {
     topics: Vec<Arc<TopicInfo>>,
     span_ns: Option<(i64, i64)>,
     warnings: Vec<Warning>,
+    /// What `metadata.yaml` holds of the recording's user.
+    pub(super) custom_data: Option<serde_yaml::Value>,
     loaders: Vec<PieceLoader>,
     /// Segments not loaded yet with the number of their file, by the time of their first message.
     waiting: VecDeque<(usize, Segment)>,
@@ -177,7 +179,8 @@ pub fn messages(path: &Path) -> Result<MergedMessages, BagError> {
         span_ns = Some(span_ns.map_or((time_ns, time_ns), |(first, last)| (time_ns.min(first), time_ns.max(last))));
     })?;
     let warnings = source.all_warnings(&scanned.files);
-    let known = source.metadata.as_ref().map(|metadata| metadata.topics.clone()).unwrap_or_default();
+    let (known, custom_data) =
+        source.metadata.map_or_else(Default::default, |metadata| (metadata.topics, metadata.custom_data));
     let mut topics = scanned.topics;
     for topic in &mut topics {
         channels::complete(topic, &known);
@@ -191,5 +194,5 @@ pub fn messages(path: &Path) -> Result<MergedMessages, BagError> {
     }
     waiting.sort_by_key(|(number, segment)| (segment.first_ns, *number, segment.at));
     let (files, waiting) = (scanned.files, waiting.into());
-    Ok(MergedMessages { files, topics, span_ns, warnings, loaders, waiting, loaded: BinaryHeap::new() })
+    Ok(MergedMessages { files, topics, span_ns, warnings, custom_data, loaders, waiting, loaded: BinaryHeap::new() })
 }

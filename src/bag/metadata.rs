@@ -13,7 +13,7 @@ const LONGEST_PROFILES: usize = 1 << 16;
 pub(super) const FILE_NAME: &str = "metadata.yaml";
 
 /// What the reader needs of any version.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Metadata {
     pub(super) relative_file_paths: Vec<String>,
     pub(super) message_count: Option<u64>,
@@ -23,6 +23,8 @@ pub(super) struct Metadata {
     pub(super) topics: BTreeMap<String, (String, String)>,
     /// How many messages it counts on each topic.
     pub(super) counts: BTreeMap<String, u64>,
+    /// What the recording's user said of it.
+    pub(super) custom_data: Option<serde_yaml::Value>,
 }
 
 impl Metadata {
@@ -39,6 +41,7 @@ impl Metadata {
             compression_format: information.compression_format,
             topics: information.topics_with_message_count.iter().filter_map(topic).collect(),
             counts: information.topics_with_message_count.iter().filter_map(count).collect(),
+            custom_data: information.custom_data,
         })
     }
 
@@ -65,6 +68,7 @@ struct ReadInformation {
     compression_format: String,
     #[serde(default)]
     topics_with_message_count: Vec<serde_yaml::Value>,
+    custom_data: Option<serde_yaml::Value>,
 }
 
 /// Name of a topic, and how many messages it has.
@@ -105,6 +109,7 @@ pub(super) struct Summary {
     pub(super) duration_ns: i64,
     pub(super) message_count: u64,
     pub(super) topics: Vec<TopicSummary>,
+    pub(super) custom_data: Option<serde_yaml::Value>,
 }
 
 impl Summary {
@@ -128,7 +133,7 @@ impl Summary {
                 duration: duration(),
                 message_count: self.message_count,
             }],
-            custom_data: None,
+            custom_data: self.custom_data.as_ref(),
             ros_distro: "jazzy",
         };
         serde_yaml::to_string(&Outer { rosbag2_bagfile_information: information }).map_err(|error| error.to_string())
@@ -147,7 +152,7 @@ struct WriteInformation<'a> {
     compression_mode: &'a str,
     relative_file_paths: [&'a str; 1],
     files: [WriteFile<'a>; 1],
-    custom_data: Option<()>,
+    custom_data: Option<&'a serde_yaml::Value>,
     ros_distro: &'a str,
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::extras::{self, Extra};
+use super::metadata::Metadata;
 use super::{BagError, FileHealth, GOVTWIN, Warning, Writer, WriterOptions, messages, unfinished};
 
 /// The metadata record that rosbag2 and this program write into each bag.
@@ -49,7 +50,7 @@ pub fn intended_place(path: &Path) -> Option<PathBuf> {
 }
 
 /// Writes every message of the bag at `source` that can be read into a new bag `dir`, in the order of recording, unchanged,
-/// with topics, schemas, type hashes, qualities of service, attachments and what the bag says of itself. The damaged bag is not touched.
+/// with topics, schemas, metadata of channels, attachments and what the bag says of itself. The damaged bag is not touched.
 ///
 /// # Errors
 /// Where there is no bag at `source`, `dir` exists, or the operating system refuses.
@@ -65,14 +66,20 @@ pub fn recover(source: &Path, dir: &Path) -> Result<Recovered, BagError> {
     let mut about: BTreeMap<String, String> = files.iter().flat_map(|file| file.about.clone()).collect();
     about.insert("recovered_from".to_owned(), source.display().to_string());
     writer.describe(GOVTWIN, about)?;
+    writer.custom_data.clone_from(&found.custom_data);
     let (mut attachments, mut metadata, mut lost) = (vec![], vec![], vec![]);
     for path in found.readable() {
         let mut failed = None;
         let mut save = |extra| -> std::io::Result<()> {
             let saved = match extra {
                 Extra::Attachment(file) => writer.attach(&file).map(|()| attachments.push(file.name)),
-                // What the program and rosbag2 say of a bag is said anew.
-                Extra::Metadata(name, _) if [GOVTWIN, ROSBAG2].contains(&name.as_str()) => Ok(()),
+                // What the program and rosbag2 say of a bag is said anew, but for what the recording's user said.
+                Extra::Metadata(name, values) if [GOVTWIN, ROSBAG2].contains(&name.as_str()) => {
+                    let metadata = values.get("serialized_metadata").and_then(|text| Metadata::parse(text).ok());
+                    writer.custom_data =
+                        writer.custom_data.take().or(metadata.and_then(|metadata| metadata.custom_data));
+                    Ok(())
+                }
                 Extra::Metadata(name, values) => writer.describe(&name, values).map(|()| metadata.push(name)),
                 Extra::Lost(words) => {
                     lost.push(words);

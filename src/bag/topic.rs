@@ -6,6 +6,10 @@ use std::sync::Arc;
 use crate::msg::definition::DefinitionError;
 use crate::msg::{Interface, definition, type_hash};
 
+/// Keys of what rosbag2 keeps beside a channel.
+pub(super) const QOS_KEY: &str = "offered_qos_profiles";
+pub(super) const HASH_KEY: &str = "topic_type_hash";
+
 /// A topic by a bag's metadata.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TopicInfo {
@@ -23,6 +27,8 @@ pub struct TopicInfo {
     pub offered_qos_profiles: String,
     /// REP-2016 hash of the type; empty if the bag does not state it.
     pub type_hash: String,
+    /// What else the bag keeps beside the channel.
+    pub metadata: BTreeMap<String, String>,
 }
 
 impl TopicInfo {
@@ -39,6 +45,7 @@ impl TopicInfo {
             schema: definition::schema_of(T::TYPE_NAME)?.into_bytes().into(),
             offered_qos_profiles: qos.to_yaml(),
             type_hash: type_hash::type_hash(T::TYPE_NAME)?,
+            metadata: BTreeMap::new(),
         })
     }
 
@@ -49,12 +56,12 @@ impl TopicInfo {
         MessageDefinition { texts, schema: Arc::clone(schema) }
     }
 
-    /// What rosbag2 keeps beside a channel.
+    /// What rosbag2 keeps beside a channel, and whatever else stood there.
     pub(super) fn channel_metadata(&self) -> BTreeMap<String, String> {
-        BTreeMap::from([
-            ("offered_qos_profiles".to_owned(), self.offered_qos_profiles.clone()),
-            ("topic_type_hash".to_owned(), self.type_hash.clone()),
-        ])
+        let mut all = self.metadata.clone();
+        all.insert(QOS_KEY.to_owned(), self.offered_qos_profiles.clone());
+        all.insert(HASH_KEY.to_owned(), self.type_hash.clone());
+        all
     }
 }
 

@@ -72,6 +72,8 @@ pub struct Writer {
     /// By the address of what copied messages of one topic share, which is kept so that nothing else gets that address.
     by_address: BTreeMap<usize, (Arc<TopicInfo>, u16)>,
     times_ns: Option<(i64, i64)>,
+    /// What `metadata.yaml` is to hold of the recording's user.
+    pub(super) custom_data: Option<serde_yaml::Value>,
     full: Arc<AtomicBool>,
 }
 
@@ -152,6 +154,7 @@ impl Writer {
             by_topic: BTreeMap::new(),
             by_address: BTreeMap::new(),
             times_ns: None,
+            custom_data: None,
             full,
         };
         if let Some(mark) = options.mark {
@@ -330,6 +333,7 @@ impl Writer {
             duration_ns: last_ns.saturating_sub(first_ns),
             message_count: self.channels.values().map(|channel| channel.message_count).sum(),
             topics: self.channels.values().map(topic).collect(),
+            custom_data: self.custom_data.clone(),
         }
     }
 }

@@ -52,6 +52,7 @@ impl KnownDefinition {
             schema: self.schema.into_bytes().into(),
             offered_qos_profiles,
             type_hash: self.hash,
+            ..TopicInfo::default()
         }
     }
 }

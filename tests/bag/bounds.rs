@@ -146,17 +146,31 @@ fn recovering_keeps_attachments_and_metadata() {
     }
     let values = std::collections::BTreeMap::from([("operator".to_owned(), "night shift".to_owned())]);
     writer.write_metadata(&mcap::records::Metadata { name: "plant".to_owned(), metadata: values.clone() }).unwrap();
+    let yaml = "rosbag2_bagfile_information:\n  relative_file_paths: [a.mcap]\n  custom_data: {rig: bench 2}\n";
+    let custom = std::collections::BTreeMap::from([("serialized_metadata".to_owned(), yaml.to_owned())]);
+    writer.write_metadata(&mcap::records::Metadata { name: "rosbag2".to_owned(), metadata: custom }).unwrap();
+    writer.add_channel(0, "/camera", "json", &values).unwrap();
     writer.finish().unwrap();
     drop(writer);
     fs::write(&source, file.into_inner()).unwrap();
+    // With `metadata.yaml` beside it, that counts.
+    fs::write(folder.path().join("metadata.yaml"), yaml.replace("bench 2", "bench 3")).unwrap();
+    let beside = bag::recover(folder.path(), &folder.path().join("beside")).unwrap();
+    assert!(
+        fs::read_to_string(beside.bag.join("metadata.yaml")).unwrap().contains("  custom_data:\n    rig: bench 3\n")
+    );
     let recovered = bag::recover(&source, &folder.path().join("new")).unwrap();
     assert_eq!(recovered.attachments, ["plate.pdf", "empty", "notes.txt"]);
     assert_eq!((recovered.metadata, recovered.lost), (vec!["plant".to_owned()], vec![]));
+    let yaml = fs::read_to_string(recovered.bag.join("metadata.yaml")).unwrap();
+    assert!(yaml.contains("  custom_data:\n    rig: bench 2\n"), "{yaml}");
     let new = fs::read_dir(&recovered.bag).unwrap().map(|entry| entry.unwrap().path());
     let new = new.into_iter().find(|path| path.extension().is_some_and(|suffix| suffix == "mcap")).unwrap();
     let bytes = fs::read(new).unwrap();
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
     assert_eq!(summary.attachment_indexes.len(), 3);
+    let camera = summary.channels.values().find(|channel| channel.topic == "/camera").unwrap();
+    assert!(values.iter().all(|(key, value)| camera.metadata.get(key) == Some(value)), "{camera:?}");
     for (index, (name, data)) in summary.attachment_indexes.iter().zip(&attached) {
         let found = mcap::read::attachment(&bytes, index).unwrap();
         assert_eq!((found.name.as_str(), found.data.as_ref()), (*name, data.as_slice()));
