@@ -25,7 +25,15 @@ fn twenty_broken_files_are_each_named_with_a_way_out() {
     let with_quote = good.replacen("0.05,", "0.05,\"", 1).replacen("t,u,y", "t,\"u\",y", 1);
     let endless = format!("{with_quote}{}", "1,2,3\n".repeat(2_000_000));
     let utf16: Vec<u8> = good.encode_utf16().flat_map(u16::to_le_bytes).collect();
-    let cases: [(&str, Vec<u8>, &str, &[&str]); 22] = [
+    let cases: [(&str, Vec<u8>, &str, &[&str]); 23] = [
+        (
+            "a quote that is not closed",
+            with_quote.into_bytes(),
+            MAP,
+            &[
+                "t.csv:7: a quotation mark (\") opens in this line, and 394 lines of the table follow before it is closed",
+            ],
+        ),
         ("empty", vec![], MAP, &["error: ", "t.csv: expected a table or a bag, found an empty file"]),
         ("a workbook", b"PK\x03\x04rest".to_vec(), MAP, &["a workbook or zip archive", "save the sheet as CSV"]),
         ("gzip", b"\x1f\x8b\x08rest".to_vec(), MAP, &["compressed with gzip", "gunzip"]),

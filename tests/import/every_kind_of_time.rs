@@ -171,6 +171,17 @@ pub(super) fn times(cases: &mut Cases) {
         cases.add(KIND, name, apart(header, [1; 4], pair), Right);
         cases.add(KIND, format!("{name}, of several rates"), apart(header, [1, 2, 1, 2], pair), Half);
     }
+    for (name, header) in [
+        (
+            "t_ behind each signal",
+            "cmd [%],t_cmd [s],servo [%],t_servo [s],spool [%],t_spool [s],p tank [bar],t_tank [s]",
+        ),
+        ("times behind values", "cmd [%],Time,servo [%],Time,spool [%],Time,p tank [bar],Time"),
+    ] {
+        let pair: &dyn Fn(&Truth, f64) -> String = &|row, value| format!("{value},{:.3}", row.time_s);
+        cases.add(KIND, name, apart(header, [1; 4], pair), Right);
+        cases.add(KIND, format!("{name}, of several rates"), apart(header, [1, 2, 1, 2], pair), Half);
+    }
     let tags = "Y_SP [%],,Y.PV [%],,SPOOL [%],,OILP [bar],\nTime,Value,Time,Value,Time,Value,Time,Value";
     cases.add(KIND, "tags above pairs", apart(tags, [1, 2, 1, 2], &|row, value| format!("{},{value}", iso(row))), Half);
     for name in ["时间", "Tid", "Data/Hora", "Время", "Moment de mesure", "Logged at"] {

@@ -11,7 +11,7 @@ use encoding_rs::Encoding;
 use encoding_rs_io::DecodeReaderBytesBuilder;
 
 use super::ImportError;
-use super::dialect::{Dialect, sniff};
+use super::dialect::{Dialect, is_data, sniff, split};
 use super::map::FileMap;
 use super::number::{NumberCell, Numbers};
 use super::rewrite::plain_table;
@@ -102,6 +102,7 @@ impl CsvFile {
             blanks: blanks.then(Vec::new),
             numbers: self.dialect.numbers.clone(),
             in_cells: self.dialect.in_cells.clone(),
+            separator: self.dialect.separator,
             width: self.dialect.names.len(),
             first_line: self.dialect.first_line.max(1),
             bytes: self.bytes.max(1),
@@ -211,6 +212,7 @@ pub(super) struct CsvRecords {
     numbers: Numbers,
     /// Units behind the numbers of a column.
     in_cells: Vec<String>,
+    separator: u8,
     width: usize,
     first_line: u64,
     bytes: u64,
@@ -231,6 +233,16 @@ impl CsvRecords {
 
     fn cells(&self) -> usize {
         self.blanks.as_ref().map_or(self.record.len(), Vec::len)
+    }
+
+    /// Lines of the table that stand inside of a cell of the present record: its quotation mark is closed late, or never.
+    fn swallowed(&self) -> usize {
+        let is_row = |line: &[u8]| {
+            let cells = split(&String::from_utf8_lossy(line), self.separator);
+            is_data(&cells, self.width, &self.numbers)
+        };
+        let lines = self.record.iter().flat_map(|cell| cell.split(|byte| *byte == b'\n').skip(1));
+        lines.filter(|line| is_row(line)).count()
     }
 
     /// Takes a line apart at its blanks.
@@ -259,10 +271,22 @@ impl TableRecords for CsvRecords {
             self.counts.left.set(LONGEST_RECORD_BYTES);
             let more = self.reader.read_byte_record(&mut self.record).map_err(|error| {
                 let problem = error.to_string();
-                ImportError::line(&self.path, self.reader.position().line() + self.first_line - 1, problem)
+                ImportError::line(
+                    &self.path,
+                    self.record.position().map_or(0, csv::Position::line) + self.first_line - 1,
+                    problem,
+                )
             })?;
             if !more {
                 return Ok(false);
+            }
+            let swallowed = self.swallowed();
+            if swallowed > 0 {
+                let problem = format!(
+                    "a quotation mark (\") opens in this line, and {swallowed} lines of the table follow before it is closed; remove it, or close it in \
+                     its line"
+                );
+                return Err(ImportError::line(&self.path, self.place(), problem));
             }
             self.split();
             if self.cells() >= self.width {

@@ -229,7 +229,7 @@ fn separator(lines: &[&str]) -> u8 {
 }
 
 /// Cells of a line; of one that blanks separate, runs of blanks count as one.
-fn split(line: &str, separator: u8) -> Vec<String> {
+pub(super) fn split(line: &str, separator: u8) -> Vec<String> {
     if separator == b' ' {
         return line.split_whitespace().map(str::to_owned).collect();
     }
@@ -261,7 +261,7 @@ fn most_common(counts: impl Iterator<Item = usize>) -> Option<usize> {
 }
 
 /// Whether a row holds data: at least half of what it holds are numbers or times, or a time is among them.
-fn is_data(row: &[String], width: usize, numbers: &Numbers) -> bool {
+pub(super) fn is_data(row: &[String], width: usize, numbers: &Numbers) -> bool {
     let filled: Vec<&String> = row.iter().filter(|cell| numbers.cell(cell) != NumberCell::Missing).collect();
     let values = filled.iter().filter(|cell| is_number(cell, numbers) || is_time(cell)).count();
     // Beside names and words, a time and a number are enough: a line of one value has no more.

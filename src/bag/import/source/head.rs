@@ -130,7 +130,12 @@ impl TableHead {
     /// Whether a column, by its name, may hold times of others as the one of another name does.
     pub(super) fn may_be_time(&self, column: usize, main: usize) -> bool {
         let (own, of_main) = (time_words(&self.names[column]), time_words(&self.names[main]));
-        own.iter().any(|word| TIME_WORDS.has(word)) || (own.last() == of_main.last() && own.len() > 1)
+        self.has_time_word(column) || (own.last() == of_main.last() && own.len() > 1)
+    }
+
+    /// Whether the name of a column has a word for time.
+    pub(super) fn has_time_word(&self, column: usize) -> bool {
+        time_words(&self.names[column]).iter().any(|word| TIME_WORDS.has(word))
     }
 
     /// Whether a column, by its name, is the part of the second of times in other columns.

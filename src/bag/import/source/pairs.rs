@@ -1,16 +1,17 @@
 //! Columns of time beside that of the table: pairs of time and value side by side.
 
+use std::ops::Range;
+
 use super::head::TableHead;
 use super::records::{SAMPLED, TableRecords};
 use super::timing::{TimeGroup, time_text};
 use crate::import::ImportError;
 use crate::import::dialect::bracketed;
 
-/// A column of times in pairs of time and value side by side, and where the columns end for which it counts.
+/// A column of times in pairs of time and value side by side, and the columns for which it counts.
 pub(super) struct Pair {
     pub(super) columns: Vec<usize>,
-    pub(super) end: usize,
-    pub(super) until: usize,
+    pub(super) of: Range<usize>,
 }
 
 /// Further columns of times, of the same name as the first or beside other signals, whose times are others.
@@ -31,14 +32,19 @@ pub(super) fn pairs<R: TableRecords>(
         begins.extend(times_beside(head, main, open)?);
         begins.sort_unstable();
     }
+    let is_behind = are_behind(&begins, width, head.names.len());
     let mut pairs = vec![];
     for (place, begin) in begins.iter().enumerate().filter(|(_, begin)| **begin != first) {
         let columns: Vec<usize> = (*begin..(begin + width).min(head.names.len())).collect();
-        let until = begins.get(place + 1).copied().unwrap_or(head.names.len());
+        let of = if is_behind {
+            place.checked_sub(1).map_or(0, |before| begins[before] + width)..*begin
+        } else {
+            begin + width..begins.get(place + 1).copied().unwrap_or(head.names.len())
+        };
         let alike =
             width == 1 || columns.iter().zip(&main.columns).all(|(column, of_main)| bare(*column) == bare(*of_main));
-        if alike && columns.len() == width && begin + width < until {
-            pairs.push(Pair { columns, end: begin + width, until });
+        if alike && columns.len() == width && !of.is_empty() {
+            pairs.push(Pair { columns, of });
         }
     }
     if pairs.is_empty() {
@@ -60,7 +66,12 @@ pub(super) fn pairs<R: TableRecords>(
     Ok(pairs)
 }
 
-/// Columns of another name than that of the time which hold times as well, each before a signal of its own: they are written as the times are, go on
+/// Whether times stand behind their values: the last column is one, and the first none.
+fn are_behind(begins: &[usize], width: usize, columns: usize) -> bool {
+    begins.first().is_some_and(|first| *first > 0) && begins.last().is_some_and(|last| last + width == columns)
+}
+
+/// Columns of another name than that of the time which hold times as well, each beside a signal of its own: they are written as the times are, go on
 /// from record to record, and pass as much time.
 fn times_beside<R: TableRecords>(
     head: &TableHead,
@@ -73,7 +84,11 @@ fn times_beside<R: TableRecords>(
         .filter(|column| *column == first || head.may_be_time(*column, first) || head.names[*column].starts_with('#'))
         .collect();
     let all = columns.clone();
-    columns.retain(|column| !all.contains(&(column + 1)) && column + 1 < head.names.len());
+    let is_behind = are_behind(&all, 1, head.names.len());
+    columns.retain(|column| {
+        let signal = if is_behind { column.checked_sub(1) } else { Some(column + 1) };
+        signal.is_some_and(|signal| !all.contains(&signal) && signal < head.names.len())
+    });
     if columns.len() < 2 || !columns.contains(&first) {
         return Ok(vec![]);
     }

@@ -58,14 +58,17 @@ pub(super) struct Timing {
     pub(super) note: String,
 }
 
-/// Whether there is a column of time, by the map, by name or as the first that rises, or a rate in its place.
+/// Whether there is a column of time, by the map, by name or as one that rises, or a rate in its place.
 pub(in crate::import) fn is_timed<R: TableRecords>(
     head: &TableHead,
     map: &Map,
     open: &impl Fn() -> Result<R, ImportError>,
 ) -> Result<bool, ImportError> {
     let is_given = map.time.rate_hz.is_some() || !map.time.columns.is_empty();
-    Ok(is_given || !head.time_columns().is_empty() || rises(&mut open()?)? || dated(head, open)?.is_some())
+    Ok(is_given
+        || !head.time_columns().is_empty()
+        || rising(head, &mut open()?)?.is_some()
+        || dated(head, open)?.is_some())
 }
 
 /// Finds the columns of time and how it is written.
@@ -108,9 +111,9 @@ pub(super) fn timing<R: TableRecords>(
             columns.extend(dated(head, open)?);
             why = ", by what stands in it";
         }
-        if columns.is_empty() && rises(&mut open()?)? {
-            columns.push(0);
-            why = ", which rises from line to line";
+        if columns.is_empty() {
+            columns.extend(rising(head, &mut open()?)?);
+            why = if columns.is_empty() { why } else { ", which rises from line to line" };
         }
         let first = columns.first().ok_or_else(|| {
             wrong(format!(
@@ -191,19 +194,19 @@ pub(super) fn own_times<R: TableRecords>(
     let wrong = |problem: String| ImportError::file(&head.path, problem);
     let mut found = vec![];
     for pair in pairs(head, main, open)? {
-        let range = pair.end..pair.until;
-        let in_pair = |column: &Option<usize>| column.is_some_and(|column| range.contains(&column));
+        let in_pair = |column: &Option<usize>| column.is_some_and(|column| pair.of.contains(&column));
         for signal in map.signals.iter().filter(|signal| signal.time.is_none() && !map.time.columns.is_empty()) {
             let SignalPlace::Column(name) = &signal.from else { continue };
             if in_pair(&head.find(name).map_err(wrong)?) {
                 let (id, first) = (signal.target.id(), pair.columns[0] + 1);
                 return Err(wrong(format!(
-                    "{id}: column `{name}` stands behind column {first} of times, which differ from those of the map's `time.column`; give \
-                     `time: \"#{first}\"` in the signal, or leave `time.column` out, so that each column takes the times before it"
+                    "{id}: column `{name}` stands beside column {first} of times, which differ from those of the map's `time.column`; give \
+                     `time: \"#{first}\"` in the signal, or leave `time.column` out, so that each column takes the times beside it"
                 )));
             }
         }
-        let Timing { group, .. } = written(head, map, open, pair.columns.clone(), TimeOf::Range(range), String::new())?;
+        let Timing { group, .. } =
+            written(head, map, open, pair.columns.clone(), TimeOf::Range(pair.of), String::new())?;
         found.push(group);
     }
     for signal in &map.signals {
@@ -249,23 +252,24 @@ fn dated<R: TableRecords>(
     Ok(found.iter().find(preferred).or(found.first()).copied())
 }
 
-/// Whether the first column holds numbers that rise from record to record.
-fn rises<R: TableRecords>(records: &mut R) -> Result<bool, ImportError> {
-    let mut last: Option<f64> = None;
+/// A column of numbers that rise from record to record: one that may be time by its name, the first, or else the last.
+fn rising<R: TableRecords>(head: &TableHead, records: &mut R) -> Result<Option<usize>, ImportError> {
+    let named = (0..head.names.len()).filter(|column| head.has_time_word(*column));
+    let mut columns: Vec<(usize, f64)> =
+        named.chain([0, head.names.len().saturating_sub(1)]).map(|column| (column, f64::NEG_INFINITY)).collect();
     let mut count = 0;
-    while count < SAMPLED && records.advance()? {
+    while count < SAMPLED && !columns.is_empty() && records.advance()? {
         count += 1;
-        let number = match records.value(0) {
-            ChannelValue::Number(number) => number,
-            ChannelValue::Whole(whole) => whole as f64,
-            _ => return Ok(false),
-        };
-        if last.is_some_and(|last| number <= last) {
-            return Ok(false);
-        }
-        last = Some(number);
+        columns.retain_mut(|(column, last)| {
+            let number = match records.value(*column) {
+                ChannelValue::Number(number) => number,
+                ChannelValue::Whole(whole) => whole as f64,
+                _ => return false,
+            };
+            number > std::mem::replace(last, number)
+        });
     }
-    Ok(count > 2)
+    Ok(columns.first().map(|(column, _)| *column).filter(|_| count > 2))
 }
 
 /// The cells of time, joined by blanks; a part of the second by the decimal sign.
