@@ -146,6 +146,21 @@ fn senders(cases: &mut Cases) {
         let _ = writeln!(two_names, "{},{},{}", iso(one), two.values[0], cells[1..].join(","));
     }
     cases.add(KIND, "a column of stations beside rows", by_station, Refused("`Station` says `Ybbs`, `Melk`"));
+    for (name, states, expected) in [
+        ("Nr", ["1", "2"], Refused("`Nr` says `1`, `2` by turns")),
+        ("No.", ["0", "1"], Refused("`No.` says `0`, `1` by turns")),
+        ("Anlage", ["nord", "süd"], Refused("`Anlage` says `nord`, `süd` by turns")),
+        ("Nr", ["", ""], Right),
+    ] {
+        let mut text = format!("{name},Time,Y_CMD [%],Y_POS [%],SPOOL [%],OILP [bar]\n");
+        for (k, (one, two)) in rejection().iter().zip(&other).enumerate() {
+            for (state, row) in states.iter().zip([one, two]).take(if states[0].is_empty() { 1 } else { 2 }) {
+                let number = if state.is_empty() { (k + 1).to_string() } else { (*state).to_owned() };
+                let _ = writeln!(text, "{number},{},{}", iso(row), row.values.map(|value| value.to_string()).join(","));
+            }
+        }
+        cases.add(KIND, format!("{name} {states:?} beside rows"), text, expected);
+    }
     cases.add(KIND, "a column of one name beside rows", one_name, Right);
     cases.add(KIND, "a command of another number", two_names, Asked("of two machines"));
     // Tags whose last part says what of a signal they are.

@@ -32,6 +32,9 @@ const MACHINES: Words = Words(
      机组|station|plant|site|anlage|kraftwerk|centrale|usine|planta|device|name|source|src|quelle",
 );
 
+/// Names of columns that hold a number of whatever it is.
+const NUMBERS: Words = Words("nr|no|num|number|nummer|numero|número|id|kanal|channel");
+
 /// What is known of a table before its records.
 #[derive(Clone, Debug)]
 pub(in crate::import) struct TableHead {
@@ -72,17 +75,20 @@ impl TableHead {
         Ok(None)
     }
 
-    /// The column that by its name says of which machine a row is, unless it is among those that say something else.
-    pub(in crate::import) fn machine_column(&self, taken: &[usize]) -> Option<usize> {
-        let is_one = |name: &String| {
+    /// Columns that by their names may say of which machine a row is, unless they are among those that say something else, and whether the name is
+    /// more than a number's.
+    pub(in crate::import) fn machine_columns(&self, taken: &[usize]) -> Vec<(usize, bool)> {
+        let is_one = |name: &String, first: Words| {
             let lower = name.trim().to_lowercase();
             let words = lower.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty());
             let behind = ["name", "id", "no", "nr", "number", "nummer"];
             let mut rest =
                 words.enumerate().filter(|(place, word)| *place == 0 || !behind.contains(word)).map(|(_, word)| word);
-            rest.next().is_some_and(|word| MACHINES.has(word)) && rest.next().is_none()
+            rest.next().is_some_and(|word| first.has(word)) && rest.next().is_none()
         };
-        (0..self.names.len()).find(|column| !taken.contains(column) && is_one(&self.names[*column]))
+        let named = |first: Words| (0..self.names.len()).filter(move |column| is_one(&self.names[*column], first));
+        let all = named(MACHINES).map(|column| (column, true)).chain(named(NUMBERS).map(|column| (column, false)));
+        all.filter(|(column, _)| !taken.contains(column)).collect()
     }
 
     /// What to say of a column that is not there.

@@ -11,11 +11,19 @@ const FEWEST_ROWS: u64 = 10;
 #[derive(Clone, Debug, Default)]
 pub(super) struct MachineLook {
     found: Vec<(String, u64)>,
+    last: String,
+    changes: u64,
+    rows: u64,
 }
 
 impl MachineLook {
     pub(super) fn take(&mut self, text: &str) {
         let text = text.trim();
+        self.rows += 1;
+        if text != self.last {
+            self.changes += 1;
+            text.clone_into(&mut self.last);
+        }
         if let Some((_, count)) = self.found.iter_mut().find(|(known, _)| known == text) {
             *count += 1;
         } else if self.found.len() < MOST {
@@ -38,9 +46,22 @@ impl MachineLook {
         };
         let is_machine = |text: &str, count: u64| numbered(text) || named(text, count);
         let all = self.found.iter().all(|(text, count)| is_machine(text, *count) && *count >= FEWEST_ROWS);
+        if all { self.listed() } else { None }
+    }
+
+    /// Numbers or words by turns, where there are several: a count never comes back, and a state lasts.
+    pub(super) fn by_turns(&self) -> Option<String> {
+        let is_one = |text: &str| {
+            text.starts_with(char::is_alphabetic) || (text.len() < 4 && text.bytes().all(|byte| byte.is_ascii_digit()))
+        };
+        let all = self.found.iter().all(|(text, count)| !text.is_empty() && is_one(text) && *count >= FEWEST_ROWS);
+        if all && self.changes * 4 >= self.rows { self.listed() } else { None }
+    }
+
+    fn listed(&self) -> Option<String> {
         // `A` beside `B` is no ampere.
         let units = self.found.iter().all(|(text, _)| is_unit(text));
-        let several = (2..MOST).contains(&self.found.len()) && all && !units;
+        let several = (2..MOST).contains(&self.found.len()) && !units;
         several.then(|| self.found.iter().map(|(text, _)| format!("`{text}`")).collect::<Vec<_>>().join(", "))
     }
 }
@@ -64,5 +85,23 @@ mod tests {
             assert_eq!(several(texts, 20), None, "{texts:?}");
         }
         assert_eq!(several(&["U3", "U5"], 5), None);
+    }
+
+    #[test]
+    fn what_comes_by_turns_is_no_count_and_no_state() {
+        let by_turns = |texts: &[&str], rows: usize| {
+            let mut look = MachineLook::default();
+            texts.iter().cycle().take(texts.len() * rows).for_each(|text| look.take(text));
+            look.by_turns()
+        };
+        assert_eq!(by_turns(&["0", "1"], 20).as_deref(), Some("`0`, `1`"));
+        assert_eq!(by_turns(&["nord", "süd", "nord", "süd", "west"], 20).as_deref(), Some("`nord`, `süd`, `west`"));
+        let count: Vec<String> = (1..100).map(|k: u32| k.to_string()).collect();
+        let states = [["run"; 9], ["stop"; 9]].concat();
+        for texts in
+            [&count.iter().map(String::as_str).collect::<Vec<_>>()[..], &states, &["1"], &["%", "bar"], &["0.5", "0.7"]]
+        {
+            assert_eq!(by_turns(texts, 20), None, "{texts:?}");
+        }
     }
 }

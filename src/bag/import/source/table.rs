@@ -292,21 +292,30 @@ fn one_machine<R: TableRecords>(table: &TableSource<R>, map: &Map, records: &mut
     let long = table.long.as_ref().map(|long| [long.tag, long.value]);
     let taken: Vec<usize> =
         table.times[0].columns.iter().copied().chain(mapped).chain(long.into_iter().flatten()).collect();
-    let Some(column) = table.head.machine_column(&taken) else { return Ok(()) };
-    let mut machines = MachineLook::default();
-    while records.advance()? {
-        machines.take(records.text_of(column).unwrap_or_default());
+    let mut looks: Vec<_> =
+        table.head.machine_columns(&taken).into_iter().map(|column| (column, MachineLook::default())).collect();
+    while !looks.is_empty() && records.advance()? {
+        for ((column, _), machines) in &mut looks {
+            machines.take(records.tag(*column).as_deref().unwrap_or_default());
+        }
     }
-    match machines.several() {
-        Some(found) => Err(ImportError::file(
-            &table.head.path,
-            format!(
-                "holds rows of several machines: column `{}` says {found}; import those of one alone, and export the others as files of their own",
-                table.head.names[column]
+    for ((column, is_machine), machines) in looks {
+        let (wide, name) = (table.long.is_none(), &table.head.names[column]);
+        let problem = match machines.several().filter(|_| is_machine) {
+            Some(found) => format!(
+                "holds rows of several machines: column `{name}` says {found}; import those of one alone, and export the others as files of their own"
             ),
-        )),
-        None => Ok(()),
+            None => match machines.by_turns().filter(|_| wide) {
+                Some(found) => format!(
+                    "may hold rows of several machines: column `{name}` says {found} by turns; export each as a file of its own, or leave the column out \
+                     where it says something else"
+                ),
+                None => continue,
+            },
+        };
+        return Err(ImportError::file(&table.head.path, problem));
     }
+    Ok(())
 }
 
 /// What stands in a column of qualities, where `Bad` is a word and no missing number.
