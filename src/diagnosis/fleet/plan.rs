@@ -1,6 +1,6 @@
 //! From recordings that were found to a list of work, with every object that is in no entry and why.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -118,8 +118,8 @@ pub fn plan(source: &str, program: &str, units: &BTreeMap<String, How>, mut foun
         work.entry((one.unit, one.period)).or_default().push(one.bag);
     }
     left_out.sort();
-    let worked = |unit: &&String| work.keys().any(|(worked, _)| worked == *unit);
-    let idle_units = units.keys().filter(|unit| !worked(unit)).cloned().collect();
+    let worked: BTreeSet<&String> = work.keys().map(|(unit, _)| unit).collect();
+    let idle_units = units.keys().filter(|unit| !worked.contains(unit)).cloned().collect();
     let entries = work
         .into_iter()
         .map(|((unit, period), bags)| {

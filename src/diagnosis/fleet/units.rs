@@ -120,8 +120,10 @@ fn doubles(rows: &[UnitRow]) -> Vec<String> {
         }
     }
     for row in rows {
-        let inside = |outer: &&&UnitRow| outer.folder != row.folder && holds(&outer.folder, &row.folder);
-        if let Some(outer) = folders.values().find(inside) {
+        // The folders above it, the outermost first.
+        let above = row.folder.match_indices('/').map(|(at, _)| &row.folder[..at]);
+        let mut above = [""].into_iter().chain(above).filter(|folder| *folder != row.folder);
+        if let Some(outer) = above.find_map(|folder| folders.get(folder)) {
             wrong.push(format!(
                 "line {}: the folder `{}` lies in `{}`, that of the unit `{}` on line {}; recordings in it would be of two units: expected folders \
                  beside each other",
@@ -130,11 +132,6 @@ fn doubles(rows: &[UnitRow]) -> Vec<String> {
         }
     }
     wrong
-}
-
-/// Whether a path lies in a folder; every path lies in the empty one.
-pub fn holds(folder: &str, path: &str) -> bool {
-    folder.is_empty() || path.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))
 }
 
 #[cfg(test)]
