@@ -316,6 +316,13 @@ fn a_report_counts_only_for_its_own_recordings_and_sheet() {
     let (code, words) = run(&[]);
     assert!(code == Some(3) && words.contains("does not say which recordings"), "{words}");
     assert_eq!(run(&["--unchecked"]).0, Some(0));
+    // What it is of, but no digests.
+    let mut early: Value = serde_json::from_str(&of_recording(&report("no_gap", &[]), "")).unwrap();
+    early.as_object_mut().unwrap().remove("digests");
+    fs::write(&at, early.to_string()).unwrap();
+    let (code, words) = run(&[]);
+    assert!(code == Some(1) && words.contains("digests: expected"), "{code:?} {words}");
+    assert_eq!(run(&["--unchecked"]).0, Some(0));
     // Another sheet.
     fs::write(&at, of_recording(&report("no_gap", &[]), "")).unwrap();
     let sheet = dir.path().join("unit2.yaml");

@@ -87,7 +87,7 @@ pub struct Args {
     /// Diagnose only with the baseline methods.
     #[arg(long, conflicts_with = "baselines")]
     baselines_only: bool,
-    /// Also use reports that do not state their recordings and data sheet, such as those of early programs.
+    /// Also use reports that do not state their recordings and data sheet, or hold no digests, such as those of early programs.
     #[arg(long)]
     unchecked: bool,
     /// Print JSON instead of tables: the content of OUT/score.json, or the verdicts if there is no score.

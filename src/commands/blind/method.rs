@@ -17,7 +17,7 @@ use super::expected::ExpectedDigests;
 use super::next_test;
 use crate::commands::output::write_atomically;
 use crate::commands::parent;
-use crate::commands::report_file::{self, is_there};
+use crate::commands::report_file::is_there;
 
 /// A method that says something of a unit.
 #[derive(Clone, Copy, Debug)]
@@ -55,7 +55,7 @@ impl JudgingMethod {
         if !is_there(&path)? || expected.check(&path, case).is_err() {
             return Ok(None);
         }
-        report_file::diagnosis(&path).map(Some)
+        expected.read(&path).map(Some)
     }
 }
 
