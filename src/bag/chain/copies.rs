@@ -114,13 +114,13 @@ impl CopyWatch {
 
     /// A signal that was drawn between few points.
     pub(super) fn drawn(&self) -> Option<Impossible> {
-        let signals: [(Signal, fn(&Pair) -> f64); 2] =
-            [(Signal::ServomotorPosition, |pair| pair.position), (Signal::SpoolPosition, |pair| pair.spool)];
-        signals.into_iter().find_map(|(signal, of)| {
+        let drawn = |signal: Signal, of: fn(&Pair) -> f64| {
             let points = self.0.iter().map(|pair| (pair.time_ns, of(pair))).filter(|(_, value)| value.is_finite());
             let (lines, samples) = drawn(&points.collect::<Vec<_>>())?;
             Some(Impossible::Drawn { signal, lines, samples })
-        })
+        };
+        let servomotor = drawn(Signal::ServomotorPosition, |pair| pair.position);
+        servomotor.or_else(|| drawn(Signal::SpoolPosition, |pair| pair.spool))
     }
 
     /// The mean time between rows, s.

@@ -112,12 +112,7 @@ impl Impossible {
             Self::Averaged { over_s, apart_pu, moving } => {
                 filtered(&format!("the mean of the command over {over_s:.2} s"), apart_pu, moving)
             }
-            Self::Drawn { signal, lines, samples } => format!(
-                "{} lies exactly on {lines} straight lines, {} samples on each while it moves: it was drawn between the few points that a historian or a slower \
-                 logger kept, and what it was between them nobody knows; export these points themselves, or what was not compressed",
-                signal.id(),
-                samples / lines.max(1)
-            ),
+            Self::Drawn { signal, lines, samples } => drawn(signal, lines, samples),
             Self::Jumps { by_pu, step_s, time_ns, count } => format!(
                 "the servomotor position jumps by {} within {step_s:.3} s and stays there (at {time_ns} ns, {count} times in all), and nothing that oil \
                  moves does: values were held or put in the place of others",
@@ -234,6 +229,15 @@ fn filtered(what: &str, apart_pu: f64, moving: u64) -> String {
         "the servomotor position is {what}: in {moving} samples while that moves nothing but noise of {:.2} % is between the two, and a \
          servomotor, which sums up its flow, follows otherwise; one of the two channels is wired to the other",
         apart_pu * 100.0
+    )
+}
+
+fn drawn(signal: Signal, lines: usize, samples: usize) -> String {
+    format!(
+        "{} lies exactly on {lines} straight lines, {} samples on each while it moves: it was drawn between the few points that a historian or a slower \
+         logger kept, and what it was between them nobody knows; export these points themselves, or what was not compressed",
+        signal.id(),
+        samples / lines.max(1)
     )
 }
 
