@@ -54,7 +54,7 @@ pub const DEFECTS: [Defect; 48] = [
     impossible("copy", "the position is the mean of the command over half a second", |rows| averaged(rows, 0.0)),
     impossible("copy", "the position is the mean of the command with some noise", |rows| averaged(rows, 1e-4)),
     impossible("drawn", "a historian's lines of all that is measured", |rows| {
-        Signal::POSITIONS.map(|signal| draw(rows, signal, 2e-3));
+        Signal::POSITIONS.into_iter().for_each(|signal| draw(rows, signal, 2e-3));
     }),
     impossible("drawn", "a historian's lines of the position", |rows| draw(rows, Signal::ServomotorPosition, 3e-3)),
     impossible("copy", "the position is the command in coarse steps", |rows| {
@@ -165,9 +165,9 @@ fn draw(rows: &mut [Frame], signal: Signal, half_width: f64) {
             (from..*to).all(|k| (values[k] - line(k)).abs() < half_width)
         };
         let to = (from + 1..values.len()).take_while(is_near).last().unwrap_or(from + 1);
-        for k in from..to {
-            let value = values[from] + (k - from) as f64 / (to - from) as f64 * (values[to] - values[from]);
-            rows[k].measured = signal.with(rows[k].measured, value);
+        for (k, row) in rows[from..to].iter_mut().enumerate() {
+            let value = values[from] + k as f64 / (to - from) as f64 * (values[to] - values[from]);
+            row.measured = signal.with(row.measured, value);
         }
         from = to;
     }

@@ -9,8 +9,9 @@ use govtwin_model::signal::Signal;
 
 /// Rows that are compared, from the first change of the command on: 80 s at 100 Hz.
 const COMPARED: usize = 8192;
-/// Rows back: 0.6 s at 100 Hz, more at less.
+/// Rows back: 0.6 s at 100 Hz, more at less; and rows of a mean.
 const MOST_ROWS: usize = 64;
+const MEAN_ROWS: usize = 200;
 /// The share of changes, and the least number of them, that make a copy.
 const COPY_SHARE: f64 = 0.95;
 const COPY_CHANGES: u64 = 50;
@@ -100,7 +101,8 @@ impl CopyWatch {
             let all = all.filter_map(|rows| Some((rows, self.between(rows, filter)?)));
             all.min_by(|a, b| a.1.all.total_cmp(&b.1.all))
         };
-        let (near, _) = best(&mut (LEAST_ROWS..=MOST_ROWS).step_by(LEAST_ROWS))?;
+        let most = if filter == Filter::Mean { MEAN_ROWS } else { MOST_ROWS };
+        let (near, _) = best(&mut (LEAST_ROWS..=most).step_by(LEAST_ROWS))?;
         let (rows, between) = best(&mut (near.saturating_sub(LEAST_ROWS).max(LEAST_ROWS)..near + LEAST_ROWS))?;
         let Between { all, noise, lag, rows: moving } = between;
         let is_noise = noise > NOISE_SHARE * all || all.sqrt() < EXACT_PU;
@@ -114,10 +116,12 @@ impl CopyWatch {
 
     /// A signal that was drawn between few points.
     pub(super) fn drawn(&self) -> Option<Impossible> {
+        let points = |of: fn(&Pair) -> f64| -> Vec<(i64, f64)> {
+            self.0.iter().map(|pair| (pair.time_ns, of(pair))).filter(|(_, value)| value.is_finite()).collect()
+        };
+        let command = points(|pair| pair.command);
         let drawn = |signal: Signal, of: fn(&Pair) -> f64| {
-            let points = self.0.iter().map(|pair| (pair.time_ns, of(pair))).filter(|(_, value)| value.is_finite());
-            let (lines, samples) = drawn(&points.collect::<Vec<_>>())?;
-            Some(Impossible::Drawn { signal, lines, samples })
+            drawn(&points(of), &command).map(|drawn| Impossible::Drawn { signal, drawn })
         };
         let servomotor = drawn(Signal::ServomotorPosition, |pair| pair.position);
         servomotor.or_else(|| drawn(Signal::SpoolPosition, |pair| pair.spool))

@@ -1,6 +1,7 @@
 //! What cannot be of one machine, and how it is reported.
 
 use super::TURNED;
+use super::lines::Drawn;
 use super::rests::may_be_gain;
 use crate::Severity;
 use govtwin_model::signal::Signal;
@@ -29,8 +30,8 @@ pub(crate) enum Impossible {
     Delayed { lag_s: f64, apart_pu: f64, moving: u64 },
     /// The position is the mean of the command over so long, s, but for noise: root mean square apart in so many samples while that moved, pu.
     Averaged { over_s: f64, apart_pu: f64, moving: u64 },
-    /// A signal lies on so many straight lines, in so many samples: it was drawn between fewer points.
-    Drawn { signal: Signal, lines: usize, samples: usize },
+    /// A signal lies on straight lines: it was drawn between fewer points.
+    Drawn { signal: Signal, drawn: Drawn },
     /// The position jumps from one sample to the next, first by so much, pu, within so long, s, at a time, ns, and so many times.
     Jumps { by_pu: f64, step_s: f64, time_ns: i64, count: u64 },
     /// The servomotor moves away from its command, pu, and so far towards it; whether a governor or its oil may do so.
@@ -89,6 +90,7 @@ impl Impossible {
             | Self::SpoolLate { .. }
             | Self::ServomotorLate { .. }
             | Self::Precedes { .. }
+            | Self::Drawn { drawn: Drawn { may_follow: true, .. }, .. }
             | Self::Away { may_be: true, .. }
             | Self::TripsUnsaid { regulated: false, .. }
             | Self::RestsElsewhere { meant: Meant::Scaled | Meant::Held { .. }, .. } => Severity::Warning,
@@ -112,7 +114,7 @@ impl Impossible {
             Self::Averaged { over_s, apart_pu, moving } => {
                 filtered(&format!("the mean of the command over {over_s:.2} s"), apart_pu, moving)
             }
-            Self::Drawn { signal, lines, samples } => drawn(signal, lines, samples),
+            Self::Drawn { signal, drawn } => on_lines(signal, drawn),
             Self::Jumps { by_pu, step_s, time_ns, count } => format!(
                 "the servomotor position jumps by {} within {step_s:.3} s and stays there (at {time_ns} ns, {count} times in all), and nothing that oil \
                  moves does: values were held or put in the place of others",
@@ -232,10 +234,11 @@ fn filtered(what: &str, apart_pu: f64, moving: u64) -> String {
     )
 }
 
-fn drawn(signal: Signal, lines: usize, samples: usize) -> String {
+fn on_lines(signal: Signal, Drawn { lines, samples, may_follow }: Drawn) -> String {
+    let otherwise = if may_follow { ", unless it follows a command of as many lines without any noise" } else { "" };
     format!(
         "{} lies exactly on {lines} straight lines, {} samples on each while it moves: it was drawn between the few points that a historian or a slower \
-         logger kept, and what it was between them nobody knows; export these points themselves, or what was not compressed",
+         logger kept{otherwise}, and what it was between them nobody knows; export these points themselves, or what was not compressed",
         signal.id(),
         samples / lines.max(1)
     )

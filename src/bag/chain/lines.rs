@@ -1,15 +1,15 @@
 //! Whether a measured signal lies on straight lines: it was drawn between the few points that a historian or a slower logger kept.
 //!
-//! Lines are sought by a swinging door (Bristol 1987) that is no wider than the values' rounding. What was drawn has as few lines by a door four times as
+//! Lines are sought by a swinging door (Bristol 1987) that is no wider than the smallest change from value to value, which is at least their rounding. What was drawn has as few lines by a door four times as
 //! wide; of a curve they are half as many (their length goes with the root of the width), of noise hardly any are left. A transducer read at every
 //! tenth sample and drawn in between is found as well. Fewer than five samples a line, or values rounded to more than 0.02 %, tell nothing.
 
 use govtwin_model::units::seconds_from_nanos;
 
-/// Roundings that are looked for, pu, and how near to a multiple all values must be, as a share; 32-bit numbers are not nearer than the last, pu.
-const ROUNDINGS_PU: [f64; 4] = [2e-4, 1e-4, 1e-5, 1e-6];
-const MULTIPLE: f64 = 1e-2;
-const SINGLE_PU: f64 = 2e-7;
+/// Steps of a signal that were looked for, pu: 32-bit numbers are not nearer than the first, and steps above the second hide what lies between.
+const STEPS_PU: (f64, f64) = (2e-7, 2.1e-4);
+/// Changes that are smaller are none, pu.
+const EQUAL_PU: f64 = 1e-9;
 /// The wider door, and how many times fewer lines it may leave of what was drawn.
 const WIDER: f64 = 4.0;
 const FEWER: f64 = 1.25;
@@ -31,13 +31,22 @@ struct Lines {
     moving: usize,
 }
 
-/// How many lines, and of how many samples, a signal was drawn by; points are times, ns, and values, pu.
-pub(super) fn drawn(points: &[(i64, f64)]) -> Option<(usize, usize)> {
-    let is_multiple = |step: f64| {
-        let apart = |value: f64| (value / step - (value / step).round()).abs();
-        points.iter().all(|(_, value)| apart(*value) < MULTIPLE)
-    };
-    let door_pu = ROUNDINGS_PU.into_iter().find(|step| is_multiple(*step)).unwrap_or(0.0).max(SINGLE_PU);
+/// The lines by which a signal was drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Drawn {
+    pub(super) lines: usize,
+    pub(super) samples: usize,
+    /// The command runs on half as many lines at least, which a unit may follow, where nothing is noise.
+    pub(super) may_follow: bool,
+}
+
+/// How a signal was drawn; points of it and of its command are times, ns, and values, pu.
+pub(super) fn drawn(points: &[(i64, f64)], command: &[(i64, f64)]) -> Option<Drawn> {
+    let changes = points.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs()).filter(|change| *change > EQUAL_PU);
+    let door_pu = changes.fold(f64::INFINITY, f64::min).max(STEPS_PU.0);
+    if door_pu > STEPS_PU.1 {
+        return None;
+    }
     let Lines { long: lines, moving } = Lines::of(points, door_pu);
     let samples: usize = lines.iter().map(|(_, samples)| samples).sum();
     if lines.len() < LINES || samples < SAMPLES * lines.len() || (samples as f64) < ON_LINES * moving as f64 {
@@ -47,7 +56,9 @@ pub(super) fn drawn(points: &[(i64, f64)]) -> Option<(usize, usize)> {
     speeds.sort_by(f64::total_cmp);
     speeds.dedup_by(|next, speed| (*next - *speed).abs() < ALIKE * speed.abs());
     let wider = Lines::of(points, WIDER * door_pu).long.len();
-    (speeds.len() >= SPEEDS && lines.len() as f64 <= FEWER * wider as f64).then_some((lines.len(), samples))
+    let may_follow = 2 * Lines::of(command, door_pu).long.len() >= lines.len();
+    let is_drawn = speeds.len() >= SPEEDS && lines.len() as f64 <= FEWER * wider as f64;
+    is_drawn.then_some(Drawn { lines: lines.len(), samples, may_follow })
 }
 
 impl Lines {
@@ -105,7 +116,7 @@ mod tests {
 
     #[test]
     fn what_was_drawn_is_found_however_it_was_rounded() {
-        let lines = |course: &dyn Fn(f64) -> f64| drawn(&points(course)).map(|(lines, _)| lines);
+        let lines = |course: &dyn Fn(f64) -> f64| drawn(&points(course), &[]).map(|drawn| drawn.lines);
         for rounding in [1e-6, 1e-5, 1e-4] {
             let rounded = |time_s: f64| (straight(time_s) / rounding).round() * rounding;
             assert!(
@@ -123,12 +134,19 @@ mod tests {
         let noise = |time_s: f64| (12_345.678 * (78.233 * time_s).sin()).fract();
         // A servomotor that a relay moves at one speed each way.
         let relay = |time_s: f64| (0.1 * time_s).rem_euclid(1.0).min((-0.1 * time_s).rem_euclid(1.0));
-        for rounding in [1e-9, 1e-6, 1e-5, 1e-4, 2e-4, 1.0 / 4096.0, 1e-3] {
+        for rounding in [1e-9, 1e-6, 1e-5, 1e-4, 2e-4, 1.0 / 16_384.0, 1.0 / 27_648.0, 1.0 / 4096.0, 1e-3] {
             let round = |value: f64| (value / rounding).round() * rounding;
-            assert_eq!(drawn(&points(|time_s| round(curve(time_s)))), None, "{rounding}");
-            assert_eq!(drawn(&points(|time_s| round(curve(time_s) + 0.002 * noise(time_s)))), None, "{rounding}");
-            assert_eq!(drawn(&points(|time_s| round(relay(time_s)))), None, "{rounding}");
-            assert_eq!(drawn(&points(|time_s| round(1.0 - (-time_s.rem_euclid(8.0)).exp()))), None, "{rounding}");
+            assert_eq!(drawn(&points(|time_s| round(curve(time_s))), &[]), None, "{rounding}");
+            assert_eq!(drawn(&points(|time_s| round(curve(time_s) + 0.002 * noise(time_s))), &[]), None, "{rounding}");
+            assert_eq!(drawn(&points(|time_s| round(relay(time_s))), &[]), None, "{rounding}");
+            assert_eq!(drawn(&points(|time_s| round(1.0 - (-time_s.rem_euclid(8.0)).exp())), &[]), None, "{rounding}");
         }
+    }
+
+    #[test]
+    fn a_unit_may_follow_a_command_of_as_many_lines() {
+        let [followed, command] = [0.3, 0.0].map(|lag_s| points(|time_s| straight(time_s - lag_s)));
+        assert_eq!(drawn(&followed, &command).map(|drawn| drawn.may_follow), Some(true));
+        assert_eq!(drawn(&followed, &points(|_| 0.5)).map(|drawn| drawn.may_follow), Some(false));
     }
 }
