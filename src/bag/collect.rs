@@ -43,6 +43,8 @@ pub(super) trait AnyCollector {
     /// Puts samples into the order of arrival, drops stray stamps, gives the log times.
     fn arrive(&mut self) -> Vec<i64>;
     /// The jumps of the clock.
+    /// Where the state of before the recording holds into it.
+    fn hold_first(&mut self, silences: &[Silence]);
     fn jumps(&self, silences: &[Silence]) -> Vec<Jump>;
     /// The run of each sample between the common jumps.
     fn runs(&self, own: &[Jump], common: &[Jump]) -> Vec<usize>;
@@ -119,8 +121,15 @@ impl<V: Value> AnyCollector for Collector<V> {
 
     fn arrive(&mut self) -> Vec<i64> {
         self.samples.sort_by_key(|sample| sample.log_time_ns);
+        self.hold_first(&[]);
         order::drop_strays(&mut self.samples, &mut self.health);
         self.samples.iter().map(|sample| sample.log_time_ns).collect()
+    }
+
+    fn hold_first(&mut self, silences: &[Silence]) {
+        if self.stream == Stream::Esv {
+            order::hold_first(&mut self.samples, silences);
+        }
     }
 
     fn jumps(&self, silences: &[Silence]) -> Vec<Jump> {
@@ -236,6 +245,7 @@ impl Collected {
             }
         }
         let silences = order::silences(self.all_mut().map(AnyCollector::arrive).concat());
+        self.all_mut().into_iter().for_each(|stream| stream.hold_first(&silences));
         let own = self.all().map(|stream| stream.jumps(&silences));
         let common = order::together(own.concat());
         let warning = common.first().map(|first| {

@@ -116,6 +116,22 @@ pub(super) fn align_by_log<V>(samples: &mut [Sample<V>]) {
     }
 }
 
+/// A state that is sent when it changes holds from its first sample on, which may be stamped long before: it was handed to the recorder when that began,
+/// or is all that was recorded before a silence.
+pub(super) fn hold_first<V>(samples: &mut [Sample<V>], silences: &[Silence]) {
+    let [first, next, ..] = samples else { return };
+    let delay_ns = |sample: &Sample<V>| sample.log_time_ns.saturating_sub(sample.stamp_ns);
+    let late_ns = delay_ns(first).saturating_sub(delay_ns(next));
+    let parts = |silence: &&Silence| silence.begin_ns == first.log_time_ns && jumps(first, next, Some(**silence));
+    let silence = silences.first().filter(parts);
+    if late_ns > SET_FORWARD_NS {
+        first.stamp_ns = first.stamp_ns.saturating_add(late_ns);
+    } else if let Some(silence) = silence {
+        let moved_ns = |time_ns: i64| time_ns.saturating_add(silence.length_ns());
+        (first.stamp_ns, first.log_time_ns) = (moved_ns(first.stamp_ns), moved_ns(first.log_time_ns));
+    }
+}
+
 /// Drops single samples whose stamp jumps away while the next one is back: a bad stamp, no new clock.
 pub(super) fn drop_strays<V: Value>(samples: &mut Vec<Sample<V>>, health: &mut StreamHealth) {
     let jumps = |before: &Sample<V>, after: &Sample<V>| jumps(before, after, None);

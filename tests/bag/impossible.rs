@@ -160,3 +160,35 @@ fn streams_that_have_no_time_in_common_are_refused() {
         assert_eq!(told.contains("no row has both"), refused, "{shift_s}: {told}");
     }
 }
+
+/// A state that is sent when it changes is handed to a recorder with the stamp of its last change, or recorded long before all else.
+#[test]
+fn an_esv_of_long_ago_holds_into_the_recording() {
+    let rows = frames("practice/case_03/shutdown.mcap");
+    let trip = rows.iter().find(|row| row.inputs.esv == EsvState::Shutdown).unwrap().time_ns;
+    let read = |stamped_ns: i64, logged_ns: i64| {
+        let mut bag = Bag::default();
+        bag.esv(stamped_ns, msg::EsvState::NORMAL);
+        bag.entries.last_mut().unwrap().log_ns = logged_ns;
+        for row in &rows {
+            bag.command(row.time_ns, row.inputs.opening_command_pu);
+            bag.pressure(row.time_ns, row.inputs.tank_pressure_pa);
+            let [servomotor, spool] = Signal::POSITIONS.map(|signal| signal.of(&row.measured));
+            bag.servo(row.time_ns, spool, servomotor);
+            if row.time_ns == trip {
+                bag.esv(trip, msg::EsvState::SHUTDOWN);
+            }
+        }
+        let (_folder, path) = bag.file(WriteOptions::new());
+        let read = read_both_ways(&path, &ReadOptions::default()).unwrap();
+        let rows = read.recording.frames.iter().filter(|row| row.inputs.esv == EsvState::Normal).count();
+        (rows, read.recording.frames.len())
+    };
+    let begin_ns = rows[0].time_ns;
+    let (normal, all) = read(begin_ns, begin_ns + MS);
+    assert!(normal > 300 && all > 3900, "{normal} {all}");
+    for (stamped_s, logged_s) in [(-3600, 0), (-700, -700), (-600, -600), (-300, -300)] {
+        let found = read(begin_ns + stamped_s * 1000 * MS, begin_ns + logged_s * 1000 * MS + MS);
+        assert_eq!(found, (normal, all), "{stamped_s} {logged_s}");
+    }
+}
