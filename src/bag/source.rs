@@ -144,9 +144,10 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
                 let mut known = BTreeSet::new();
                 for relative in &metadata.relative_file_paths {
                     let file = named(path, relative);
-                    if !is_inside(relative) || file.as_ref().is_some_and(|file| !is_below(path, file)) {
+                    if !file.as_ref().map_or_else(|| is_inside(relative), |file| is_below(path, file)) {
                         let problem = format!(
-                            "names `{}`, which leads outside of the bag's folder; it is not read",
+                            "names `{}`, which leads outside of the bag's folder, by its path or by a link; it is not read: copy the file into the folder, or name \
+                             it itself",
                             shown(relative)
                         );
                         source.warnings.push(Warning::Metadata { problem });

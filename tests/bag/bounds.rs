@@ -57,8 +57,8 @@ fn names_that_lead_out_of_the_folder_are_not_followed() {
         std::os::unix::fs::symlink(target, folder.path().join("link.mcap")).unwrap();
         let health = bag::read(folder.path(), &ReadOptions::default()).unwrap().health;
         assert_eq!(health.files.len(), 1);
-        let words = "metadata.yaml: names `link.mcap`, which leads outside of the bag's folder; it is not read";
-        assert!(health.warnings.iter().any(|warning| warning.to_string() == words), "{:?}", health.warnings);
+        let words = "metadata.yaml: names `link.mcap`, which leads outside of the bag's folder, by its path or by a link; it is not read";
+        assert!(health.warnings.iter().any(|warning| warning.to_string().starts_with(words)), "{:?}", health.warnings);
         fs::remove_file(folder.path().join("a.mcap")).unwrap();
         let error = bag::read(folder.path(), &ReadOptions::default()).unwrap_err().to_string();
         assert!(error.contains("`link.mcap`, which leads outside of the bag's folder"), "{error}");
