@@ -62,6 +62,12 @@ impl ExpectedDigests {
     /// Refuses a report of other recordings or of another sheet than the unit's.
     pub fn check(&self, path: &Path, case: &str) -> anyhow::Result<()> {
         let shown = path.display();
+        if !self.unchecked && report_file::read(path)?.get("digests").is_none() {
+            bail!(
+                "{shown} holds no digests: it was changed, or is of an early program; remove it, so that the unit is judged anew, or take such reports as they \
+                 are with --unchecked"
+            );
+        }
         let Some(made) = report_file::provenance(path)? else {
             if self.unchecked {
                 return Ok(());
