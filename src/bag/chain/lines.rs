@@ -33,7 +33,7 @@ struct Lines {
 
 /// The lines by which a signal was drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Drawn {
+pub(crate) struct Drawn {
     pub(super) lines: usize,
     pub(super) samples: usize,
     /// The command runs on half as many lines at least, which a unit may follow, where nothing is noise.
