@@ -1,13 +1,14 @@
 //! Whether a measured signal lies on straight lines: it was drawn between the few points that a historian or a slower logger kept.
 //!
-//! Lines are sought by a swinging door (Bristol 1987) that is no wider than the smallest change from value to value, which is at least their rounding. What was drawn has as few lines by a door four times as
-//! wide; of a curve they are half as many (their length goes with the root of the width), of noise hardly any are left. A transducer read at every
-//! tenth sample and drawn in between is found as well. Fewer than five samples a line, or values rounded to more than 0.02 %, tell nothing.
+//! Lines are sought by a swinging door (Bristol 1987) as wide as the smallest change from value to value, which is at least their rounding. What was drawn
+//! has as few lines by a door four times as wide; of a curve they are half as many (their length goes with the root of the width), of noise hardly any
+//! are left. A transducer read at every tenth sample and drawn in between is found as well. Fewer than five samples a line, or steps above 0.02 % of the
+//! stroke, tell nothing.
 
 use govtwin_model::units::seconds_from_nanos;
 
-/// Steps of a signal that were looked for, pu: 32-bit numbers are not nearer than the first, and steps above the second hide what lies between.
-const STEPS_PU: (f64, f64) = (2e-7, 2.1e-4);
+/// Widths of the door, pu: 32-bit numbers are not nearer than the first, and steps above the second hide what lies between.
+const DOORS_PU: (f64, f64) = (2e-7, 2.1e-4);
 /// Changes that are smaller are none, pu.
 const EQUAL_PU: f64 = 1e-9;
 /// The wider door, and how many times fewer lines it may leave of what was drawn.
@@ -43,8 +44,8 @@ pub(crate) struct Drawn {
 /// How a signal was drawn; points of it and of its command are times, ns, and values, pu.
 pub(super) fn drawn(points: &[(i64, f64)], command: &[(i64, f64)]) -> Option<Drawn> {
     let changes = points.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs()).filter(|change| *change > EQUAL_PU);
-    let door_pu = changes.fold(f64::INFINITY, f64::min).max(STEPS_PU.0);
-    if door_pu > STEPS_PU.1 {
+    let door_pu = changes.fold(f64::INFINITY, f64::min).max(DOORS_PU.0);
+    if door_pu > DOORS_PU.1 {
         return None;
     }
     let Lines { long: lines, moving } = Lines::of(points, door_pu);
