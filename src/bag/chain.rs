@@ -267,7 +267,7 @@ impl ChainEvidence {
             found.push(late);
             return found;
         }
-        found.extend(self.copies.drawn());
+        found.extend(lines::found(self.copies.rows()));
         found.extend(self.fastest.or(self.jumps.found()));
         found.extend(self.trips.found());
         // A spool that moves too early moves the servomotor too early.

@@ -3,9 +3,7 @@
 use govtwin_model::units::seconds_from_nanos;
 
 use super::impossible::Impossible;
-use super::lines::drawn;
 use super::{MOVES_PU_S, STILL_PU};
-use govtwin_model::signal::Signal;
 
 /// Rows that are compared, from the first change of the command on: 80 s at 100 Hz.
 const COMPARED: usize = 8192;
@@ -41,7 +39,7 @@ pub(super) struct CopyWatch(Vec<Pair>);
 
 /// What a position may be of the command of some rows before and of now.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Filter {
+pub(crate) enum Filter {
     Delay,
     Mean,
 }
@@ -63,6 +61,10 @@ impl CopyWatch {
         if self.0.len() < COMPARED {
             self.0.push(pair);
         }
+    }
+
+    pub(super) fn rows(&self) -> &[Pair] {
+        &self.0
     }
 
     pub(super) fn found(&self) -> Option<Impossible> {
@@ -108,23 +110,7 @@ impl CopyWatch {
         let is_noise = noise > NOISE_SHARE * all || all.sqrt() < EXACT_PU;
         let is_filtered = moving >= COPY_CHANGES && is_noise && lag > DIFFERS * noise && all.sqrt() < STILL_PU;
         let (over_s, apart_pu) = (rows as f64 * self.row_s(), all.sqrt());
-        is_filtered.then_some(match filter {
-            Filter::Delay => Impossible::Delayed { lag_s: over_s, apart_pu, moving },
-            Filter::Mean => Impossible::Averaged { over_s, apart_pu, moving },
-        })
-    }
-
-    /// A signal that was drawn between few points.
-    pub(super) fn drawn(&self) -> Option<Impossible> {
-        let points = |of: fn(&Pair) -> f64| -> Vec<(i64, f64)> {
-            self.0.iter().map(|pair| (pair.time_ns, of(pair))).filter(|(_, value)| value.is_finite()).collect()
-        };
-        let command = points(|pair| pair.command);
-        let drawn = |signal: Signal, of: fn(&Pair) -> f64| {
-            drawn(&points(of), &command).map(|drawn| Impossible::Drawn { signal, drawn })
-        };
-        let servomotor = drawn(Signal::ServomotorPosition, |pair| pair.position);
-        servomotor.or_else(|| drawn(Signal::SpoolPosition, |pair| pair.spool))
+        is_filtered.then_some(Impossible::Filtered { filter, over_s, apart_pu, moving })
     }
 
     /// The mean time between rows, s.

@@ -1,6 +1,7 @@
 //! What cannot be of one machine, and how it is reported.
 
 use super::TURNED;
+use super::copies::Filter;
 use super::lines::Drawn;
 use super::rests::may_be_gain;
 use crate::Severity;
@@ -26,10 +27,8 @@ pub(crate) enum Impossible {
     Copy { apart_pu: f64, moving: u64, equal: u64, all: u64 },
     /// The position is the command of so long before, s, or the command the position: so many of its changes are equal to the last bit.
     LateCopy { of_position: bool, lag_s: f64, equal: u64, changes: u64 },
-    /// The position is the command of so long before, s, but for noise: root mean square apart in so many samples while that moved, pu.
-    Delayed { lag_s: f64, apart_pu: f64, moving: u64 },
-    /// The position is the mean of the command over so long, s, but for noise: root mean square apart in so many samples while that moved, pu.
-    Averaged { over_s: f64, apart_pu: f64, moving: u64 },
+    /// The position is the command of so long before, s, or its mean over that, but for noise: root mean square apart in so many samples while that moved, pu.
+    Filtered { filter: Filter, over_s: f64, apart_pu: f64, moving: u64 },
     /// A signal lies on straight lines: it was drawn between fewer points.
     Drawn { signal: Signal, drawn: Drawn },
     /// The position jumps from one sample to the next, first by so much, pu, within so long, s, at a time, ns, and so many times.
@@ -108,12 +107,7 @@ impl Impossible {
                 apart_pu * 100.0
             ),
             Self::LateCopy { of_position, lag_s, equal, changes } => late_copy(of_position, lag_s, equal, changes),
-            Self::Delayed { lag_s, apart_pu, moving } => {
-                filtered(&format!("the command of {lag_s:.2} s before"), apart_pu, moving)
-            }
-            Self::Averaged { over_s, apart_pu, moving } => {
-                filtered(&format!("the mean of the command over {over_s:.2} s"), apart_pu, moving)
-            }
+            Self::Filtered { filter, over_s, apart_pu, moving } => filtered((filter, over_s), apart_pu, moving),
             Self::Drawn { signal, drawn } => on_lines(signal, drawn),
             Self::Jumps { by_pu, step_s, time_ns, count } => format!(
                 "the servomotor position jumps by {} within {step_s:.3} s and stays there (at {time_ns} ns, {count} times in all), and nothing that oil \
@@ -226,7 +220,11 @@ fn late_copy(of_position: bool, lag_s: f64, equal: u64, changes: u64) -> String 
     )
 }
 
-fn filtered(what: &str, apart_pu: f64, moving: u64) -> String {
+fn filtered((filter, over_s): (Filter, f64), apart_pu: f64, moving: u64) -> String {
+    let what = match filter {
+        Filter::Delay => format!("the command of {over_s:.2} s before"),
+        Filter::Mean => format!("the mean of the command over {over_s:.2} s"),
+    };
     format!(
         "the servomotor position is {what}: in {moving} samples while that moves nothing but noise of {:.2} % is between the two, and a \
          servomotor, which sums up its flow, follows otherwise; one of the two channels is wired to the other",

@@ -5,6 +5,9 @@
 //! are left. A transducer read at every tenth sample and drawn in between is found as well. Fewer than five samples a line, or steps above 0.02 % of the
 //! stroke, tell nothing.
 
+use super::copies::Pair;
+use super::impossible::Impossible;
+use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
 /// Widths of the door, pu: 32-bit numbers are not nearer than the first, and steps above the second hide what lies between.
@@ -41,8 +44,21 @@ pub(crate) struct Drawn {
     pub(super) may_follow: bool,
 }
 
+/// The first signal of some rows that was drawn.
+pub(super) fn found(rows: &[Pair]) -> Option<Impossible> {
+    let points = |of: fn(&Pair) -> f64| -> Vec<(i64, f64)> {
+        rows.iter().map(|row| (row.time_ns, of(row))).filter(|(_, value)| value.is_finite()).collect()
+    };
+    let command = points(|row| row.command);
+    let of = |signal: Signal, of: fn(&Pair) -> f64| {
+        drawn(&points(of), &command).map(|drawn| Impossible::Drawn { signal, drawn })
+    };
+    let servomotor = of(Signal::ServomotorPosition, |row| row.position);
+    servomotor.or_else(|| of(Signal::SpoolPosition, |row| row.spool))
+}
+
 /// How a signal was drawn; points of it and of its command are times, ns, and values, pu.
-pub(super) fn drawn(points: &[(i64, f64)], command: &[(i64, f64)]) -> Option<Drawn> {
+fn drawn(points: &[(i64, f64)], command: &[(i64, f64)]) -> Option<Drawn> {
     let changes = points.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs()).filter(|change| *change > EQUAL_PU);
     let door_pu = changes.fold(f64::INFINITY, f64::min).max(DOORS_PU.0);
     if door_pu > DOORS_PU.1 {
@@ -56,10 +72,12 @@ pub(super) fn drawn(points: &[(i64, f64)], command: &[(i64, f64)]) -> Option<Dra
     let mut speeds: Vec<f64> = lines.iter().map(|(speed, _)| *speed).collect();
     speeds.sort_by(f64::total_cmp);
     speeds.dedup_by(|next, speed| (*next - *speed).abs() < ALIKE * speed.abs());
-    let wider = Lines::of(points, WIDER * door_pu).long.len();
-    let may_follow = 2 * Lines::of(command, door_pu).long.len() >= lines.len();
-    let is_drawn = speeds.len() >= SPEEDS && lines.len() as f64 <= FEWER * wider as f64;
-    is_drawn.then_some(Drawn { lines: lines.len(), samples, may_follow })
+    let wider = || Lines::of(points, WIDER * door_pu).long.len();
+    let is_drawn = speeds.len() >= SPEEDS && lines.len() as f64 <= FEWER * wider() as f64;
+    is_drawn.then(|| {
+        let may_follow = 2 * Lines::of(command, door_pu).long.len() >= lines.len();
+        Drawn { lines: lines.len(), samples, may_follow }
+    })
 }
 
 impl Lines {
@@ -68,22 +86,18 @@ impl Lines {
         let (mut lines, mut from) = (Self::default(), 0);
         while from + 1 < points.len() {
             let (first_ns, first) = points[from];
-            let (mut least, mut most, mut to) = (f64::NEG_INFINITY, f64::INFINITY, from);
+            let (mut least, mut most, mut to, mut line_pu_s) = (f64::NEG_INFINITY, f64::INFINITY, from + 1, 0.0);
             for (k, (time_ns, value)) in points.iter().enumerate().skip(from + 1) {
                 let after_s = seconds_from_nanos(time_ns.saturating_sub(first_ns)).max(f64::MIN_POSITIVE);
-                let door = [value - first - door_pu, value - first + door_pu].map(|change| change / after_s);
-                let speed = (value - first) / after_s;
+                let (speed, half) = ((value - first) / after_s, door_pu / after_s);
                 if !(least..=most).contains(&speed) {
                     break;
                 }
-                (least, most, to) = (least.max(door[0]), most.min(door[1]), k);
+                (least, most, to, line_pu_s) = (least.max(speed - half), most.min(speed + half), k, speed);
             }
-            let to = to.max(from + 1);
-            let change = points[to].1 - first;
-            if change.abs() > MOVES_PU {
-                let duration_s = seconds_from_nanos(points[to].0.saturating_sub(first_ns)).max(f64::MIN_POSITIVE);
+            if (points[to].1 - first).abs() > MOVES_PU {
                 lines.moving += to - from;
-                lines.long.extend((to - from >= SHORTEST).then_some((change / duration_s, to - from)));
+                lines.long.extend((to - from >= SHORTEST).then_some((line_pu_s, to - from)));
             }
             from = to;
         }
