@@ -42,9 +42,9 @@ pub(super) trait AnyCollector {
     fn align_by_log(&mut self);
     /// Puts samples into the order of arrival, drops stray stamps, gives the log times.
     fn arrive(&mut self) -> Vec<i64>;
-    /// The jumps of the clock.
-    /// Where the state of before the recording holds into it.
+    /// Lets a state of before the recording hold into it.
     fn hold_first(&mut self, silences: &[Silence]);
+    /// The jumps of the clock.
     fn jumps(&self, silences: &[Silence]) -> Vec<Jump>;
     /// The run of each sample between the common jumps.
     fn runs(&self, own: &[Jump], common: &[Jump]) -> Vec<usize>;

@@ -188,15 +188,13 @@ pub(super) fn check_clocks(
     let streams = || healths.iter().zip(evidence).map(|(health, evidence)| (&*health.topic, evidence));
     let far = apart(streams()).into_iter().find(|(_, _, by_s)| by_s.abs() > OTHER_CLOCK_S);
     let far = far.map(|(topic, other, by_s)| format!("{topic}: {}", findings::other_clock(other, by_s)));
-    let many = streams().map(|(topic, evidence)| (topic, evidence.clock.span_ns().filter(|_| evidence.samples >= FEW)));
-    let spans: Vec<(&str, Option<[i64; 2]>)> = many.collect();
-    let later = || match spans[..] {
-        [(command, Some(commands_ns)), .., (measured, Some(measured_ns))] => {
-            let [from_ns, to_ns] = [0, 1].map(|end| measured_ns[end].saturating_sub(commands_ns[1 - end]));
-            let by_ns = if from_ns > 0 { from_ns } else { to_ns.min(0) };
-            (by_ns != 0).then(|| format!("{measured}: {}", findings::another_time(command, by_ns)))
-        }
-        _ => None,
+    let span_ns = |evidence: &StreamEvidence| evidence.clock.span_ns().filter(|_| evidence.samples >= FEW);
+    let later = || {
+        let ((command, commands), (measured, state)) = (streams().next()?, streams().next_back()?);
+        let (commands_ns, measured_ns) = (span_ns(commands)?, span_ns(state)?);
+        let [from_ns, to_ns] = [0, 1].map(|end| measured_ns[end].saturating_sub(commands_ns[1 - end]));
+        let by_ns = if from_ns > 0 { from_ns } else { to_ns.min(0) };
+        (by_ns != 0).then(|| format!("{measured}: {}", findings::another_time(command, by_ns)))
     };
     let problem = far.or_else(later);
     problem.map_or(Ok(()), |problem| Err(BagError::Clocks { path: path.to_owned(), problem }))

@@ -237,6 +237,9 @@ impl CsvRecords {
 
     /// Lines of the table that stand inside of a cell of the present record: its quotation mark is closed late, or never.
     fn swallowed(&self) -> usize {
+        if !self.record.as_slice().contains(&b'\n') {
+            return 0;
+        }
         let is_row = |line: &[u8]| {
             let cells = split(&String::from_utf8_lossy(line), self.separator);
             is_data(&cells, self.width, &self.numbers)
