@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use govtwin_diagnosis::result::schema::DiagnosisReport;
 use govtwin_diagnosis::result::sealed;
 use govtwin_model::parameters::Unit;
 use govtwin_model::params::{Sheet, unit_digest};
 use govtwin_model::provenance::{FileUsed, Provenance, RecordingGiven};
+use serde_json::Value;
 
 use super::cases::UnitFolder;
 use crate::commands::{provenance, report_file};
@@ -52,25 +53,27 @@ impl ExpectedDigests {
         Ok(made)
     }
 
-    /// Reads a report; one of an early program, which has no digests, as it is where that was asked for.
-    pub fn read(&self, path: &Path) -> anyhow::Result<DiagnosisReport> {
-        let report = report_file::read(path)?;
-        let is_early = self.unchecked && report.get("digests").is_none();
-        report_file::of_json(&if is_early { sealed(report) } else { report }, path)
+    /// Reads a report of a unit; none where it is of something else. One of an early program, which has no digests, is taken as it is where that was asked
+    /// for.
+    pub fn read(&self, path: &Path, case: &str) -> anyhow::Result<Option<DiagnosisReport>> {
+        let Ok(report) = self.checked(path, case) else { return Ok(None) };
+        let report = if report.get("digests").is_none() { sealed(report) } else { report };
+        report_file::of_json(&report, path).map(Some)
     }
 
-    /// Refuses a report of other recordings or of another sheet than the unit's.
-    pub fn check(&self, path: &Path, case: &str) -> anyhow::Result<()> {
+    /// Reads a report, and refuses one of other recordings or of another sheet than the unit's.
+    pub fn checked(&self, path: &Path, case: &str) -> anyhow::Result<Value> {
         let shown = path.display();
-        if !self.unchecked && report_file::read(path)?.get("digests").is_none() {
+        let report = report_file::read(path)?;
+        if !self.unchecked && report.get("digests").is_none() {
             bail!(
                 "{shown} holds no digests: it was changed, or is of an early program; remove it, so that the unit is judged anew, or take such reports as they \
                  are with --unchecked"
             );
         }
-        let Some(made) = report_file::provenance(path)? else {
+        let Some(made) = report_file::made_from(&report).with_context(|| shown.to_string())? else {
             if self.unchecked {
-                return Ok(());
+                return Ok(report);
             }
             bail!(
                 "{shown} does not say which recordings and data sheet it is of; remove it, so that the unit is judged anew, or take such reports \
@@ -91,7 +94,7 @@ impl ExpectedDigests {
         let is_made = made.options.contains_key("no-sheet");
         let Some(sheet) = &self.sheet else {
             if is_made {
-                return Ok(());
+                return Ok(report);
             }
             bail!(
                 "{shown} was made with a data sheet ({}); leave --no-sheet out, or remove the report, so that the unit is judged anew",
@@ -109,7 +112,7 @@ impl ExpectedDigests {
                  judged anew"
             );
         }
-        Ok(())
+        Ok(report)
     }
 }
 
