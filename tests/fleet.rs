@@ -12,6 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use govtwin_diagnosis::fleet::result::EntryResult;
 use govtwin_model::effects::CATALOGUE;
 use serde_json::Value;
 
@@ -194,6 +195,10 @@ fn changes_are_refused(fleet: &Fleet) {
     };
     for (place, value) in [
         ("/unit", Value::from("other")),
+        ("/origins", Value::Array(vec![])),
+        ("/found/entropy_bits", Value::from(0.25)),
+        ("/found/parameters/0/value", Value::Null),
+        ("/report", Value::from("reports/other/1")),
         ("/found/parameters/0/unit", Value::from("bar")),
         ("/found/verdict", Value::from("no_such_unit")),
         ("/digest", Value::from("")),
@@ -203,6 +208,11 @@ fn changes_are_refused(fleet: &Fleet) {
         fs::write(&result, changed.to_string()).unwrap();
         gathered("digest: expected ");
     }
+    // Whoever writes results may not lead elsewhere in the store.
+    let mut elsewhere: EntryResult = serde_json::from_value(own.clone()).unwrap();
+    elsewhere.report = Some("reports/other/1".to_owned());
+    fs::write(&result, elsewhere.sealed().json()).unwrap();
+    gathered("report: expected a folder of reports/");
     fs::write(&result, own.to_string()).unwrap();
     let refitted = format!("{folder}/refitted.yaml");
     let sound = fs::read(&refitted).unwrap();

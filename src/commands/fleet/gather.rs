@@ -126,6 +126,10 @@ fn outcomes(store: &Store) -> anyhow::Result<(Vec<Kept>, Vec<String>)> {
 /// The files of a report are those that were written with the result; reports may also be kept elsewhere.
 fn agrees(outcome: &Kept, store: &Store) -> anyhow::Result<()> {
     let Some(folder) = &outcome.report else { return Ok(()) };
+    let own = format!("reports/{}/", outcome.key);
+    if !folder.starts_with(&own) {
+        bail!("report: expected a folder of {own}, found {folder}");
+    }
     for (name, stated) in &outcome.files {
         let path = format!("{folder}/{name}");
         if !store.has(&path)? {
