@@ -195,10 +195,10 @@ fn practice(effects: &[&str], of: [(&str, &str); 4]) -> Diagnosis {
     diagnose(of.map(load).into(), &reference(), &settings, &|_, _| ()).unwrap()
 }
 
-/// Two processes of each of two units, of which one has play: each half confirms itself.
+/// Two processes of each of two units, of which one has play: each half confirms itself. Other effects fit all of them better than play does.
 #[test]
 fn recordings_of_two_units_are_told_apart_by_halves() {
-    let effects = ["backlash", "lvdt_bias"];
+    let effects = ["backlash", "lvdt_bias", "load", "viscosity"];
     let mixed =
         [("case_01", "startup"), ("case_01", "load_increase"), ("case_03", "load_rejection"), ("case_03", "shutdown")];
     let said = practice(&effects, mixed);

@@ -1,12 +1,11 @@
 //! Whether the recordings agree: the same parameters must fit each of them, or they are not of one unit.
 
-use crate::estimation::coordinate::Residuals;
-use crate::estimation::fit::{Effort, Start, fit_all};
-use crate::estimation::linear::Projection;
+use crate::estimation::fit::{Effort, fit, fit_all};
 use crate::hypotheses::Explored;
-use crate::identification::free_parameter::FreeParameter;
+use crate::hypotheses::profile::{fitted_best, profiles};
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
+use govtwin_model::effects::EffectSpec;
 use nalgebra::DMatrix;
 
 /// Work of the fit to some of the recordings.
@@ -19,9 +18,6 @@ const STRANGE_SHARES: (f64, f64) = (0.5, 0.15);
 
 /// Recordings of more are not tried in two halves: there are too many.
 const MOST_IN_HALVES: usize = 6;
-
-/// Models that are fitted to a half, those that promise most.
-const MOST_PROMISING: usize = 3;
 
 /// Share of the gap that a model may leave and still speak for one unit.
 const EXPLAINED: f64 = 0.3;
@@ -49,7 +45,7 @@ impl Part {
 }
 
 /// Fits recordings by themselves, from where all together stand; says in a sentence that they are not of one unit, where they are not.
-pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
+pub fn disagreement(problem: &Problem, found: &Explored, catalogue: &[&'static EffectSpec]) -> Option<String> {
     let leader = found.leader();
     let floor = problem.expected_cost();
     let left = leader.cost() - floor;
@@ -58,7 +54,7 @@ pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
     }
     let least = (STRANGE_SHARES.0 * left).max(STRANGE);
     let gain = |parts: &[Part]| parts.iter().map(|part| part.gain(leader)).sum::<f64>();
-    let each: Vec<Part> = (0..problem.recordings.len()).filter_map(|k| fitted(problem, vec![k], &[leader])).collect();
+    let each: Vec<Part> = (0..problem.recordings.len()).map(|k| fitted(problem, vec![k], leader)).collect();
     let own = gain(&each);
     let each_gains = own >= least.max(STRANGE_SHARES.1 * floor);
     // A model that explains the gap of all of them speaks for one unit, also where each gains by parameters of its own.
@@ -77,7 +73,7 @@ pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
         )
     } else {
         // Each half confirms itself, so that there may be an effect in it; both must leave as little as those of one unit.
-        let halves = halves(problem, found).filter(|halves| gain(halves) >= least)?;
+        let halves = halves(problem, found, catalogue).filter(|halves| gain(halves) >= least)?;
         if halves.iter().map(|part| part.model.cost()).sum::<f64>() - floor > explained {
             return None;
         }
@@ -86,66 +82,45 @@ pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
     Some(format!("One set of parameters does not fit all recordings, {said} No effect is named for such recordings."))
 }
 
-/// Recordings fitted by themselves with the best of some models.
-fn fitted(problem: &Problem, recordings: Vec<usize>, models: &[&FittedModel]) -> Option<Part> {
-    let known: Vec<Option<Vec<DMatrix<f64>>>> = models.iter().map(|model| slopes(model, &recordings)).collect();
-    let starts: Vec<Start<'_, FreeParameter>> = models
-        .iter()
-        .zip(&known)
-        .map(|(model, known)| Start {
-            base: &model.base,
-            coordinates: &model.free_parameters,
-            positions: &model.fit.positions,
-            effort: ALONE,
-            known: known.as_deref(),
-        })
-        .collect();
-    let fits = fit_all(&problem.part(&recordings), &starts);
-    let best = fits.into_iter().zip(models).min_by(|a, b| a.0.cost().total_cmp(&b.0.cost()));
-    best.map(|(fit, model)| {
-        let model = FittedModel::new(model.effects.clone(), model.base.clone(), model.free_parameters.clone(), fit);
-        Part { recordings, model }
-    })
+/// Recordings fitted by themselves, from where a model of all of them stands.
+fn fitted(problem: &Problem, recordings: Vec<usize>, model: &FittedModel) -> Part {
+    let FittedModel { effects, base, free_parameters, fit: all, .. } = model;
+    let known: Option<Vec<DMatrix<f64>>> = recordings.iter().map(|&k| all.slopes.get(k).cloned()).collect();
+    let fit = fit(&problem.part(&recordings), base, free_parameters, &all.positions, ALONE, known.as_deref());
+    Part { recordings, model: FittedModel::new(effects.clone(), base.clone(), free_parameters.clone(), fit) }
 }
 
-/// The slopes of some recordings, where a model kept them.
-fn slopes(model: &FittedModel, recordings: &[usize]) -> Option<Vec<DMatrix<f64>>> {
-    recordings.iter().map(|&k| model.fit.slopes.get(k).cloned()).collect()
+/// Recordings fitted by themselves, with one effect where it gains much; it is sought as that of all recordings is.
+fn searched(problem: &Problem, refitted: &FittedModel, catalogue: &[&'static EffectSpec], half: Vec<usize>) -> Part {
+    let part = problem.part(&half);
+    let without = fitted(problem, half, refitted);
+    let sheet = FittedModel::sheet(&part, &refitted.base, &refitted.free_parameters);
+    let places = profiles(&part, &sheet, catalogue, without.model.cost());
+    let found = fitted_best(&part, &sheet, catalogue, &places).map(|found| {
+        let fit = fit_all(&part, &[found.onwards(ALONE)]).remove(0);
+        found.or_better(fit)
+    });
+    match found.filter(|found| found.cost() + STRANGE < without.model.cost()) {
+        Some(model) => Part { model, ..without },
+        None => without,
+    }
 }
 
-/// The two halves, of two recordings at least, that fit best by themselves, each with one effect at most.
-fn halves<'a>(problem: &Problem, found: &'a Explored) -> Option<[Part; 2]> {
+/// The two halves, of two recordings at least, that promise to fit best by themselves, each with one effect at most.
+fn halves(problem: &Problem, found: &Explored, catalogue: &[&'static EffectSpec]) -> Option<[Part; 2]> {
     let count = problem.recordings.len();
     if !(4..=MOST_IN_HALVES).contains(&count) {
         return None;
     }
-    let models: Vec<&'a FittedModel> =
-        found.hypotheses.iter().filter(|one| one.effects.len() < 2).map(|one| &one.model).collect();
-    // To first order, the least first.
-    let promised = |half: &[usize]| {
-        let of = |model: &&'a FittedModel| {
-            let slopes = slopes(model, half)?;
-            let residuals: Residuals = half.iter().map(|&k| model.fit.residuals[k].clone()).collect();
-            let projection = Projection::new(&model.free_parameters, &model.fit.positions, &slopes, 1.0);
-            Some((projection.cost(&residuals), *model))
-        };
-        let mut promised: Vec<(f64, &FittedModel)> = models.iter().filter_map(of).collect();
-        promised.sort_by(|a, b| a.0.total_cmp(&b.0));
-        promised
-    };
+    let models = || found.hypotheses.iter().filter(|one| one.effects.len() < 2).map(|one| &one.model);
+    let least = |half: &Vec<usize>| models().map(|model| model.least_cost_of(half)).fold(f64::INFINITY, f64::min);
     let split = |places: u32| -> [Vec<usize>; 2] {
         [0, 1].map(|side| (0..count).filter(|k| places >> k & 1 == side).collect())
     };
     let all = (0..1_u32 << (count - 1)).map(split).filter(|halves| halves.iter().all(|half| half.len() > 1));
-    let least = |half: &Vec<usize>| promised(half).first().map_or(f64::INFINITY, |(cost, _)| *cost);
     let cost = |halves: &[Vec<usize>; 2]| halves.iter().map(least).sum::<f64>();
-    let [one, other] = all.map(|halves| (cost(&halves), halves)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
-    let best = |half: Vec<usize>| {
-        let models: Vec<&FittedModel> =
-            promised(&half).into_iter().take(MOST_PROMISING).map(|(_, model)| model).collect();
-        fitted(problem, half, &models)
-    };
-    Some([best(one)?, best(other)?])
+    let halves = all.map(|halves| (cost(&halves), halves)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
+    Some(halves.map(|half| searched(problem, found.refitted(), catalogue, half)))
 }
 
 /// The parameter that two parts see farthest apart, in its deviations.

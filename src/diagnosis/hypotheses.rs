@@ -10,6 +10,7 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::estimation::coordinate::subject_at;
 use crate::estimation::fit::{Start, fit_all};
 use crate::evidence::{ExtendedEquations, Shared};
 use crate::hypotheses::explorer::{CAREFUL, Explorer, Hypothesis, LEAST_GAIN, Scale, is_stage_alone, worthwhile};
@@ -168,8 +169,8 @@ impl Singles {
         catalogue: &[&'static EffectSpec],
     ) -> Self {
         let places = profiles(problem, sheet, catalogue, refitted.cost());
-        let best = fitted_best(problem, sheet, &places);
-        let leading = best.filter(|(cost, _)| *cost < refitted.cost()).map(|(_, unit)| unit);
+        let best = fitted_best(problem, sheet, catalogue, &places).filter(|best| best.cost() < refitted.cost());
+        let leading = best.map(|best| subject_at(&best.base, &best.free_parameters, &best.fit.positions));
         Self { places, leading }
     }
 

@@ -163,7 +163,7 @@ pub fn diagnose(
         let dropped;
         (decision, dropped, compared) = stage_only::modest(&problem, &explored, (&ready, stage), decision);
         notes.extend(dropped);
-    } else if let Some(strange) = homogeneity::disagreement(&problem, &explored) {
+    } else if let Some(strange) = homogeneity::disagreement(&problem, &explored, catalogue) {
         decision = decision.forced(Verdict::Unknown);
         notes.push(strange);
     }

@@ -6,7 +6,7 @@ pub mod normal_equations;
 pub mod search;
 pub(crate) mod support;
 
-use nalgebra::DMatrix;
+use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::estimation::coordinate::{Coordinate, prior_square, square, subject_at};
 use crate::estimation::fit::{Effort, Fit, Start, pictured};
@@ -111,6 +111,25 @@ impl FittedModel {
         self.fit.cost()
     }
 
+    /// Squares and priors of some recordings by themselves, along the slopes at hand; also of a model that gave up its slopes.
+    pub(crate) fn least_cost_of(&self, recordings: &[usize]) -> f64 {
+        let n = self.free_parameters.len();
+        let (mut cost, mut gradient) = (self.fit.prior, DVector::zeros(n));
+        let mut hessian = DMatrix::identity(n, n) * 1e-9;
+        for part in recordings.iter().filter_map(|&k| self.normal.parts.get(k)) {
+            cost += part.cost;
+            gradient += &part.gradient;
+            hessian += &part.hessian;
+        }
+        for (k, free_parameter) in self.free_parameters.iter().enumerate() {
+            if let Some(centre) = free_parameter.prior_centre().filter(|_| !self.normal.held.contains(&k)) {
+                gradient[k] += self.fit.positions[k] - centre;
+                hessian[(k, k)] += 1.0;
+            }
+        }
+        Cholesky::new(hessian).map_or(cost, |cholesky| cost - gradient.dot(&cholesky.solve(&gradient)))
+    }
+
     /// What the recordings say of a free parameter beyond the sheet: 0 where they say nothing, 1 where the sheet's tolerance does not matter.
     pub fn information(&self, free_parameter: usize) -> f64 {
         if self.free_parameters[free_parameter].has_prior() {
@@ -191,12 +210,41 @@ impl FittedModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::estimation::linear::Projection;
     use crate::generate::{Scenario, recording};
     use crate::likelihood::noise::expected;
     use crate::likelihood::prepared::PreparedRecording;
     use govtwin_model::effects::find;
     use govtwin_model::params::reference;
     use govtwin_model::recording::Process;
+
+    #[test]
+    fn the_least_cost_of_some_recordings_is_that_along_their_slopes() {
+        let unit = reference();
+        let scenario = |process, seed| Scenario {
+            unit: unit.clone(),
+            process,
+            rate_hz: 100.0,
+            duration_s: 10.0,
+            rich: false,
+            seed,
+        };
+        let prepared = [(Process::Shutdown, 1), (Process::LoadIncrease, 2)]
+            .map(|(process, seed)| PreparedRecording::new(recording(&scenario(process, seed))));
+        let problem = Problem::new(prepared.into(), &unit, &expected(&unit.sensors));
+        let mut model = FittedModel::sheet(&problem, &unit, &FreeParameter::nuisances(&unit));
+        for recordings in [&[0][..], &[1], &[0, 1]] {
+            let slopes: Vec<DMatrix<f64>> = recordings.iter().map(|&k| model.fit.slopes[k].clone()).collect();
+            let residuals = recordings.iter().map(|&k| model.fit.residuals[k].clone()).collect();
+            let along = Projection::new(&model.free_parameters, &model.fit.positions, &slopes, 1.0).cost(&residuals);
+            let least = model.least_cost_of(recordings);
+            assert!((least - along).abs() < 1e-6 * along, "{recordings:?}: {least} for {along}");
+        }
+        let both = model.least_cost_of(&[0, 1]);
+        assert!(model.least_cost_of(&[0]) + model.least_cost_of(&[1]) < both, "each by itself fits at least as well");
+        model.lighten();
+        assert_eq!(model.least_cost_of(&[0, 1]), both);
+    }
 
     #[test]
     fn what_is_unstretched_stands_on_the_sheet_and_keeps_its_effects() {

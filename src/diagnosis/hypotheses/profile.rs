@@ -1,6 +1,5 @@
 //! Profiles: every effect at sizes over its whole range on top of a model, with the free parameters following, and the sizes that are worth more.
 
-use crate::estimation::coordinate::subject_at;
 use crate::estimation::fit::{Effort, Start, fit_all};
 use crate::estimation::following::{Displaced, Followed, followed, profile_sizes};
 use crate::identification::free_parameter::FreeParameter;
@@ -122,8 +121,13 @@ pub fn moved_to(model: &FittedModel, catalogue: &[&'static EffectSpec], places: 
     sized.collect()
 }
 
-/// The best fit from the places on top of a sheet that promise most, and its cost: enough to see what a unit is like, not what it costs to the last.
-pub fn fitted_best(problem: &Problem, sheet: &FittedModel, places: &[ProfilePlace]) -> Option<(f64, Unit)> {
+/// The best fit from the places on top of a sheet that promise most: enough to see what a unit is like, not what it costs to the last.
+pub fn fitted_best(
+    problem: &Problem,
+    sheet: &FittedModel,
+    catalogue: &[&'static EffectSpec],
+    places: &[ProfilePlace],
+) -> Option<FittedModel> {
     let mut best: Vec<&ProfilePlace> = places.iter().filter(|place| place.promised.is_finite()).collect();
     best.sort_by(|a, b| a.promised.total_cmp(&b.promised));
     best.truncate(GLANCED);
@@ -135,8 +139,12 @@ pub fn fitted_best(problem: &Problem, sheet: &FittedModel, places: &[ProfilePlac
         known: Some(&sheet.fit.slopes),
     });
     let fits = fit_all(problem, &starts.collect::<Vec<_>>());
-    let found = best.into_iter().zip(fits).min_by(|a, b| a.1.cost().total_cmp(&b.1.cost()))?;
-    Some((found.1.cost(), subject_at(&found.0.at.base, &found.0.at.coordinates, &found.1.positions)))
+    let (place, fit) = best.into_iter().zip(fits).min_by(|a, b| a.1.cost().total_cmp(&b.1.cost()))?;
+    let effects = match place.atom {
+        Atom::Sized { effect, .. } => vec![catalogue[effect]],
+        Atom::Removed { .. } => Vec::new(),
+    };
+    Some(FittedModel::new(effects, place.at.base.clone(), place.at.coordinates.clone(), fit))
 }
 
 impl ProfilePlace {
