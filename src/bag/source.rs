@@ -144,10 +144,9 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
                 let mut known = BTreeSet::new();
                 for relative in &metadata.relative_file_paths {
                     let file = named(path, relative);
-                    if !file.as_ref().map_or_else(|| is_inside(relative), |file| is_below(path, file)) {
+                    if !file.as_ref().map_or_else(|| is_inside(relative), |file| lies_below(path, file)) {
                         let problem = format!(
-                            "names `{}`, which leads outside of the bag's folder, by its path or by a link; it is not read: copy the file into the folder, or name \
-                             it itself",
+                            "names `{}`, which leads outside of the bag's folder; it is not read: copy or link the file into the folder, or name it itself",
                             shown(relative)
                         );
                         source.warnings.push(Warning::Metadata { problem });
@@ -172,8 +171,6 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
     }
     if files.is_empty() {
         *files = files_like_a_bag(path)?;
-        // What `metadata.yaml` names outside is not read by way of the folder either.
-        files.retain(|file| source.metadata.is_none() || is_below(path, file));
     }
     if files.is_empty() {
         return Err(BagError::NotABag {
@@ -185,10 +182,10 @@ fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Resu
     Ok(())
 }
 
-/// Whether a file lies in a folder or below it once all links are followed.
-fn is_below(folder: &Path, file: &Path) -> bool {
-    let [folder, file] = [folder, file].map(Path::canonicalize);
-    folder.is_ok_and(|folder| file.is_ok_and(|file| file.starts_with(folder)))
+/// Whether a file lies in a folder or below it. It may be a link itself, as large files of archives are: it has its place by who made the folder.
+fn lies_below(folder: &Path, file: &Path) -> bool {
+    let [folder, beside] = [Some(folder), file.parent()].map(|path| path.and_then(|path| path.canonicalize().ok()));
+    folder.is_some_and(|folder| beside.is_some_and(|beside| beside.starts_with(folder)))
 }
 
 /// Whether a name leads to a file in the bag's folder, or below it.

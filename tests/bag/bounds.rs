@@ -50,24 +50,33 @@ fn names_that_lead_out_of_the_folder_are_not_followed() {
     fs::remove_file(alone.path().join("a.mcap")).unwrap();
     let error = bag::survey(alone.path()).unwrap_err().to_string();
     assert!(error.contains("outside of the bag's folder"), "{error}");
-    // Nor are links; what stands there is not quoted.
-    #[cfg(unix)]
-    for target in [&outside, &secret] {
-        let folder = folder(&["link.mcap", "a.mcap"]);
-        std::os::unix::fs::symlink(target, folder.path().join("link.mcap")).unwrap();
-        let health = bag::read(folder.path(), &ReadOptions::default()).unwrap().health;
-        assert_eq!(health.files.len(), 1);
-        let words = "metadata.yaml: names `link.mcap`, which leads outside of the bag's folder, by its path or by a link; it is not read";
-        assert!(health.warnings.iter().any(|warning| warning.to_string().starts_with(words)), "{:?}", health.warnings);
-        fs::remove_file(folder.path().join("a.mcap")).unwrap();
-        let error = bag::read(folder.path(), &ReadOptions::default()).unwrap_err().to_string();
-        assert!(error.contains("`link.mcap`, which leads outside of the bag's folder"), "{error}");
-    }
+    // Linked folders are names as well.
     #[cfg(unix)]
     {
-        let folder = folder(&["link.mcap"]);
-        std::os::unix::fs::symlink(&secret, folder.path().join("link.mcap")).unwrap();
-        let error = bag::read(&folder.path().join("link.mcap"), &ReadOptions::default()).unwrap_err().to_string();
+        let folder = folder(&["a.mcap", "linked/outside.mcap"]);
+        std::os::unix::fs::symlink(other.path(), folder.path().join("linked")).unwrap();
+        assert_eq!(bag::read(folder.path(), &ReadOptions::default()).unwrap().health.files.len(), 1);
+    }
+}
+
+/// As archives of large files keep them; what is no bag is not quoted.
+#[cfg(unix)]
+#[test]
+fn a_file_linked_into_the_folder_is_read() {
+    let other = tempfile::tempdir().unwrap();
+    let outside = other.path().join("outside.mcap");
+    fs::write(&outside, Bag::standard(5).bytes(WriteOptions::new())).unwrap();
+    let secret = other.path().join("secret");
+    fs::write(&secret, "root:x:0:0:very secret\n").unwrap();
+    for names in [&["link.mcap"][..], &[]] {
+        let folder = if names.is_empty() { tempfile::tempdir().unwrap() } else { folder(names) };
+        std::os::unix::fs::symlink(&outside, folder.path().join("link.mcap")).unwrap();
+        assert_eq!(bag::read(folder.path(), &ReadOptions::default()).unwrap().health.files.len(), 1, "{names:?}");
+    }
+    let folder = folder(&["link.mcap"]);
+    std::os::unix::fs::symlink(&secret, folder.path().join("link.mcap")).unwrap();
+    for path in [folder.path().to_owned(), folder.path().join("link.mcap")] {
+        let error = bag::read(&path, &ReadOptions::default()).unwrap_err().to_string();
         assert!(error.contains("not a bag") && !error.contains("root:") && !error.contains("72, 6f"), "{error}");
     }
 }
