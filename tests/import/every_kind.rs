@@ -161,6 +161,20 @@ fn senders(cases: &mut Cases) {
         }
         cases.add(KIND, format!("{name} {states:?} beside rows"), text, expected);
     }
+    for (name, states, expected) in [
+        ("Nr", ["MS1", "MS2"], Refused("`Nr` says `MS1`, `MS2`")),
+        ("Einheit", ["A", "B"], Refused("`Einheit` says `A`, `B`")),
+        ("Gruppe", ["1", "2"], Refused("`Gruppe` says `1`, `2`")),
+        ("Unit", ["U3", "u03"], Right),
+    ] {
+        let mut text = format!("{name},Time,Y_CMD [%],Y_POS [%],SPOOL [%],OILP [bar]\n");
+        let half = rejection().len() / 2;
+        for (k, row) in rejection().iter().enumerate() {
+            let state = states[usize::from(k >= half)];
+            let _ = writeln!(text, "{state},{},{}", iso(row), row.values.map(|value| value.to_string()).join(","));
+        }
+        cases.add(KIND, format!("{name} {states:?} one after the other"), text, expected);
+    }
     cases.add(KIND, "a column of one name beside rows", one_name, Right);
     cases.add(KIND, "a command of another number", two_names, Asked("of two machines"));
     // Tags whose last part says what of a signal they are.

@@ -28,7 +28,7 @@ const TIME_WORDS: Words =
 
 /// Names of columns that say of which machine a row is, without a number, `name`, `id` and `no` behind them.
 const MACHINES: Words = Words(
-    "unit|machine|turbine|generator|aggregate|maschine|maschinensatz|aggregat|turbina|groupe|unidad|host|grupo|gruppo|aggregaat|agregat|агрегат|\
+    "unit|machine|turbine|generator|aggregate|maschine|maschinensatz|aggregat|turbina|groupe|unidad|host|grupo|gruppo|gruppe|einheit|aggregaat|agregat|агрегат|\
      机组|station|plant|site|anlage|kraftwerk|centrale|usine|planta|device|name|source|src|quelle",
 );
 

@@ -16,15 +16,22 @@ pub(super) struct MachineLook {
     rows: u64,
 }
 
+/// `U03` is `u3`.
+fn plain(text: &str) -> (String, &str) {
+    let digits = text.trim_start_matches(|letter: char| !letter.is_ascii_digit());
+    (text[..text.len() - digits.len()].to_lowercase(), digits.trim_start_matches('0'))
+}
+
 impl MachineLook {
     pub(super) fn take(&mut self, text: &str) {
         let text = text.trim();
         self.rows += 1;
-        if text != self.last {
+        if text != self.last && plain(text) != plain(&self.last) {
             self.changes += 1;
             text.clone_into(&mut self.last);
         }
-        if let Some((_, count)) = self.found.iter_mut().find(|(known, _)| known == text) {
+        if let Some((_, count)) = self.found.iter_mut().find(|(known, _)| known == text || plain(known) == plain(text))
+        {
             *count += 1;
         } else if self.found.len() < MOST {
             self.found.push((text.to_owned(), 1));
@@ -47,6 +54,12 @@ impl MachineLook {
         let is_machine = |text: &str, count: u64| numbered(text) || named(text, count);
         let all = self.found.iter().all(|(text, count)| is_machine(text, *count) && *count >= FEWEST_ROWS);
         if all { self.listed() } else { None }
+    }
+
+    /// The same in a column of numbers, where a bare number may be of anything: machines have letters before it.
+    pub(super) fn several_with_letters(&self) -> Option<String> {
+        let has_letter = |(text, _): &(String, u64)| text.starts_with(char::is_alphabetic);
+        self.several().filter(|_| self.found.iter().all(has_letter))
     }
 
     /// Numbers or words by turns, where there are several: a count never comes back, and a state lasts.
@@ -85,6 +98,10 @@ mod tests {
             assert_eq!(several(texts, 20), None, "{texts:?}");
         }
         assert_eq!(several(&["U3", "U5"], 5), None);
+        for texts in [["U3", "u3"], ["3", "03"], ["MS 1", "ms 01"]] {
+            assert_eq!(several(&texts, 20), None, "{texts:?}");
+        }
+        assert_eq!(several(&["U3", "U30"], 20).as_deref(), Some("`U3`, `U30`"));
     }
 
     #[test]

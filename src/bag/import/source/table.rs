@@ -301,7 +301,7 @@ fn one_machine<R: TableRecords>(table: &TableSource<R>, map: &Map, records: &mut
     }
     for ((column, is_machine), machines) in looks {
         let (wide, name) = (table.long.is_none(), &table.head.names[column]);
-        let problem = match machines.several().filter(|_| is_machine) {
+        let problem = match if is_machine { machines.several() } else { machines.several_with_letters() } {
             Some(found) => format!(
                 "holds rows of several machines: column `{name}` says {found}; import those of one alone, and export the others as files of their own"
             ),
