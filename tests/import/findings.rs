@@ -145,3 +145,23 @@ fn constants_and_events_reach_the_rows() {
         rows.iter().filter(|row| row.value(Target::Esv) == Some(0.0)).map(|row| row.time_ns).collect();
     assert_eq!(trips, [2_000_000_000]);
 }
+
+#[test]
+fn states_of_which_the_map_calls_none_a_trip_are_told() {
+    let told = |[normal, tripped]: [&str; 2], shutdown: &str| {
+        let row = |k: i32| format!("{},{},{}\n", f64::from(k) * 0.01, 0.5, if k < 200 { normal } else { tripped });
+        let text: String = std::iter::once("t,y,ESV\n".to_owned()).chain((0..500).map(row)).collect();
+        let map = format!(
+            "signals:\n  servomotor_position: y\n  tank_pressure: {{constant: 63, unit: bar}}\n  esv: {{column: ESV, shutdown: {shutdown}}}\n"
+        );
+        rows_of(&text, &map).unwrap().1.warnings.join("\n")
+    };
+    let words = "esv (`ESV`) changes from `OK` to `TRIPPED`, and no cell is `TRIP`: taken as never tripped";
+    let said = told(["OK", "TRIPPED"], "TRIP");
+    assert!(said.contains(words), "{said}");
+    let said = told(["OPEN", "CLOSED"], "\"< 0.5\"");
+    assert!(said.contains("no cell is a number below 0.5"), "{said}");
+    for (states, shutdown) in [(["OK", "TRIP"], "TRIP"), (["7.5", "7.4"], "\"< 0.5\""), (["1", "0"], "\"< 0.5\"")] {
+        assert!(!told(states, shutdown).contains("never tripped"), "{states:?} {shutdown}");
+    }
+}

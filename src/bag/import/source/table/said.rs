@@ -56,6 +56,11 @@ impl<R: TableRecords> TableSource<R> {
                      says that it is broken (NAMUR NE 43), the first {text} mA"
                 ));
             }
+            if let Some(states) = column.channel.never_trips() {
+                said.warnings.push(format!(
+                    "{path}: {id} (`{place}`) {states}: taken as never tripped; list what means a trip under `shutdown` in the map"
+                ));
+            }
             if let Some((index, _)) = column.quality.as_ref().filter(|_| column.not_good > 0) {
                 said.notes.push(format!(
                     "{path}: {id} (`{place}`): {} values left out that `{}` does not call good",
