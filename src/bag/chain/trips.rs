@@ -10,6 +10,8 @@ const OPENS_PU: f64 = 0.03;
 const TRIPPED_S: f64 = 1.0;
 const STANDS_PU: f64 = 0.1;
 const STANDS_S: f64 = 20.0;
+/// One that has not closed at all after so long, s, does not close: an ESV acts 3 s late at most.
+const STAYS_S: f64 = 8.0;
 /// A spool that is more than so far towards closing, pu, for longer than so, s, while the command asks to open, is held there by a tripped ESV: a clogged
 /// pilot holds it for half as long.
 const CLOSES_PU: f64 = -0.5;
@@ -29,8 +31,8 @@ struct Closing {
 /// What is seen of trips, said and not said.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TripWatch {
-    /// Positions since a second after the trip, from its first row on.
-    trip: Option<Stay>,
+    /// Positions since a second after the trip, from its first row on, whose own position is the second.
+    trip: Option<(Stay, f64)>,
     opens: Option<Impossible>,
     stands: Option<Impossible>,
     closing: Option<Closing>,
@@ -47,10 +49,10 @@ impl TripWatch {
             return;
         }
         self.closing = None;
-        let trip = self.trip.unwrap_or(Stay::new(time_ns, f64::INFINITY));
+        let (trip, at_trip) = self.trip.unwrap_or((Stay::new(time_ns, f64::INFINITY), servo));
         let is_early = seconds_from_nanos(time_ns.saturating_sub(trip.since_ns)) < TRIPPED_S;
         let trip = trip.with(time_ns, if is_early { f64::INFINITY } else { servo });
-        self.trip = Some(trip);
+        self.trip = Some((trip, at_trip));
         if is_early {
             return;
         }
@@ -63,7 +65,8 @@ impl TripWatch {
         {
             self.opens = Some(Impossible::OpensTripped { by_pu, time_ns });
         }
-        if duration_s > STANDS_S && servo > STANDS_PU {
+        let stays = duration_s > STAYS_S && trip.least > at_trip - OPENS_PU;
+        if (duration_s > STANDS_S || stays) && servo > STANDS_PU {
             self.stands = Some(Impossible::StandsTripped { position_pu: servo, time_ns, duration_s });
         }
     }
@@ -117,5 +120,31 @@ impl TripWatch {
     /// What cannot be of one machine.
     pub(super) fn found(&self) -> Option<Impossible> {
         self.opens.or(self.stands).or(self.unsaid)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is found of a servomotor that stands at 0.876 before the trip, and so after it, by seconds.
+    fn found(after: impl Fn(f64) -> f64) -> Option<Impossible> {
+        let mut watch = TripWatch::default();
+        for k in 0..1600_i64 {
+            let (time_ns, time_s) = (k * 10_000_000, k as f64 * 0.01 - 1.0);
+            let servo = if time_s < 0.0 { 0.876 } else { after(time_s) };
+            watch.take(time_ns, 0.0, servo, 0.0, time_s < 0.0);
+        }
+        watch.found()
+    }
+
+    #[test]
+    fn a_servomotor_that_does_not_close_has_not_tripped() {
+        let opens = |time_s: f64| (0.876 + 0.1 * time_s).min(1.0);
+        assert!(matches!(found(opens), Some(Impossible::StandsTripped { position_pu, .. }) if position_pu == 1.0));
+        assert!(matches!(found(|_| 0.876), Some(Impossible::StandsTripped { .. })));
+        for late_s in [0.0, 0.5, 3.0] {
+            assert!(found(|time_s| (0.876 - 0.1 * (time_s - late_s).max(0.0)).max(0.0)).is_none(), "{late_s}");
+        }
     }
 }
