@@ -175,6 +175,19 @@ fn senders(cases: &mut Cases) {
         }
         cases.add(KIND, format!("{name} {states:?} one after the other"), text, expected);
     }
+    let mut again = String::from("Time,Y_CMD [%],Y_POS [%],SPOOL [%],OILP [bar]\n");
+    let mut other_units = again.clone();
+    for (k, row) in rejection().iter().enumerate() {
+        if k == rejection().len() / 2 {
+            again.push_str("Time,Y_CMD [%],Y_POS [%],SPOOL [%],OILP [bar]\n");
+            other_units.push_str("Time,Y_CMD [%],Y_POS [%],SPOOL [%],OILP [MPa]\n");
+        }
+        for text in [&mut again, &mut other_units] {
+            let _ = writeln!(text, "{},{}", iso(row), row.values.map(|value| value.to_string()).join(","));
+        }
+    }
+    cases.add(KIND, "the header once more", again, Right);
+    cases.add(KIND, "a second header of other units", other_units, Refused("a second header names column 5"));
     cases.add(KIND, "a column of one name beside rows", one_name, Right);
     cases.add(KIND, "a command of another number", two_names, Asked("of two machines"));
     // Tags whose last part says what of a signal they are.

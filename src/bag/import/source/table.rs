@@ -248,6 +248,10 @@ impl<R: TableRecords> TableSource<R> {
                 *now_ns = match group.read(&self.records) {
                     Some(Ok(time_ns)) => Some(time_ns),
                     Some(Err(problem)) => {
+                        if let Some(other) = other_header(&self.records, &self.head.names, group.columns.first()) {
+                            let problem = format!("line {}: {other}", self.records.place());
+                            return Err(ImportError::file(&self.head.path, problem));
+                        }
                         if self.bad_times.first.is_none() {
                             self.first_bad_time.clone_from(&problem);
                         }
@@ -283,6 +287,21 @@ impl<R: TableRecords> TableSource<R> {
     pub(in crate::import) fn value(&self, column: usize) -> ChannelValue<'_> {
         self.records.value(column)
     }
+}
+
+/// What a record says that is a header again, where that is of other columns than the first; none of another record.
+fn other_header<R: TableRecords>(records: &R, names: &[String], time: Option<&usize>) -> Option<String> {
+    let time = *time?;
+    let cell = |column: usize| records.text_of(column).map(str::trim);
+    if cell(time)? != names.get(time)?.trim() {
+        return None;
+    }
+    let (column, name) = names.iter().enumerate().find(|(column, name)| cell(*column) != Some(name.trim()))?;
+    let found = cell(column).unwrap_or_default();
+    Some(format!(
+        "a second header names column {} `{found}`, the first `{name}`; split the file there and import each part by a map of its own",
+        column + 1
+    ))
 }
 
 /// Rows of several machines are none of one recording.
