@@ -132,6 +132,8 @@ pub struct SuggestedColumn {
     pub name: String,
     /// The unit that the file states, in a place of its own or at the end of the name; empty where it does not.
     pub unit: String,
+    /// Which figure of a signal it holds by its name and unit.
+    pub(super) figure: names::Figure,
     /// Its numbers.
     pub range: Range,
     /// Cells with text that is no number.
@@ -151,14 +153,14 @@ pub struct SuggestedColumn {
 
 impl SuggestedColumn {
     pub(super) fn new(name: &str, unit: &str) -> Self {
+        let unit =
+            if unit.is_empty() { bracketed(name).map_or_else(|| names::unit(name), |(_, unit)| unit) } else { unit };
+        // `min` of a signal is no unit.
+        let of_unit = names::figure(unit);
         Self {
             name: name.to_owned(),
-            unit: if unit.is_empty() {
-                bracketed(name).map_or_else(|| names::unit(name), |(_, unit)| unit)
-            } else {
-                unit
-            }
-            .to_owned(),
+            unit: if of_unit == names::Figure::Value { unit } else { "" }.to_owned(),
+            figure: names::figure(name).max(of_unit),
             range: Range::default(),
             texts: 0,
             unread: None,

@@ -1,6 +1,7 @@
 //! What the names of columns say of the signals behind them, in the languages of plants and manufacturers.
 
 use crate::import::convert::{at_end_of_name, with_capital_at_end_of};
+use crate::import::dialect::bracketed;
 use crate::import::row::Target;
 use crate::import::words::Words;
 
@@ -62,9 +63,61 @@ fn words_of(target: Target) -> impl Iterator<Item = (&'static str, f64)> {
     WORDS.iter().filter(move |(of, _)| *of == target).flat_map(|(_, words)| words.weighed())
 }
 
+/// Words of the figures that historians make of an interval, by what they are.
+const STATISTICS: [(Figure, Words); 3] = [
+    (Figure::Mean, Words("avg|average|mean|mittel|mittelwert|moyenne|promedio|media")),
+    (Figure::Extreme, Words("min|max|minimum|maximum")),
+    (Figure::Spread, Words("std|stddev|stdev|count")),
+];
+/// Rates, whose `min` is a minute.
+const PER_MINUTE: Words = Words("l/min|u/min|m/min|mm/min|m3/min|m³/min|rev/min|r/min|1/min|%/min");
+/// Words that say no more than that a column is its tag's value.
+const VALUES: Words = Words("value|val|wert|raw|last|snapshot");
+
+/// Which figure of a signal a column holds by its name, the better first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Figure {
+    /// The value.
+    #[default]
+    Value,
+    /// Its mean over an interval.
+    Mean,
+    /// Its minimum or maximum over an interval.
+    Extreme,
+    /// How far it scatters, or how many values there were.
+    Spread,
+}
+
+fn statistic(word: &str) -> Option<Figure> {
+    STATISTICS.iter().find(|(_, words)| words.has(word)).map(|(figure, _)| *figure)
+}
+
+/// Which figure of a signal a name or a unit says.
+pub(super) fn figure(name: &str) -> Figure {
+    let mut text = name.to_owned();
+    for rate in PER_MINUTE.all() {
+        // Not behind more letters: `ctrl/min` is a path.
+        if let Some(at) = text.to_ascii_lowercase().find(rate)
+            && (at == 0 || rate.starts_with('%') || text[..at].ends_with([' ', '[', '(', ',']))
+        {
+            text.replace_range(at..at + rate.len(), "");
+        }
+    }
+    words(&text).iter().filter_map(|word| statistic(word)).max().unwrap_or_default()
+}
+
+/// The words of a name that say of what its column is a figure.
+pub(super) fn tag(name: &str) -> Vec<String> {
+    let mut tag = words(bracketed(name).map_or(name, |(bare, _)| bare));
+    if tag.len() > 1 && tag.last().is_some_and(|last| !at_end_of_name(last).is_empty()) {
+        tag.pop();
+    }
+    tag.retain(|word| statistic(word).is_none() && !VALUES.has(word));
+    tag
+}
+
 /// Words of names that say which figure of a signal a column holds, or how it was taken.
-const FIGURES: Words =
-    Words("min|max|avg|mean|std|raw|filt|filtered|value|val|pv|quality|status|valid|time|date|x|y|z|t|u|p|timestamp");
+const FIGURES: Words = Words("raw|filt|filtered|value|val|pv|quality|status|valid|time|date|x|y|z|t|u|p|timestamp");
 
 /// Whether a word says something of a signal, so that it tells no machine from another.
 pub(super) fn is_known(word: &str) -> bool {
@@ -72,7 +125,12 @@ pub(super) fn is_known(word: &str) -> bool {
         // `86` is a relay, and a number all the same.
         !known.starts_with(|letter: char| letter.is_ascii_digit()) && (known.split('_').any(|part| part == word))
     });
-    of_signal || OTHERS.has(word) || PRESSURES.has(word) || FIGURES.has(word) || !at_end_of_name(word).is_empty()
+    of_signal
+        || OTHERS.has(word)
+        || PRESSURES.has(word)
+        || FIGURES.has(word)
+        || statistic(word).is_some()
+        || !at_end_of_name(word).is_empty()
 }
 
 /// The unit that a name ends with, as `spool_pct` does; empty where it does not.
@@ -142,6 +200,33 @@ mod tests {
             ("servo", ""),
         ] {
             assert_eq!(unit(name), expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn figures_of_historians_are_told_from_values() {
+        for (name, expected) in [
+            ("GV_CMD.Min", Figure::Extreme),
+            ("Y_SP max [%]", Figure::Extreme),
+            ("U3/Y/Min", Figure::Extreme),
+            ("HSV (min)", Figure::Extreme),
+            ("Y_PV (Average)", Figure::Mean),
+            ("Wert_MITTEL", Figure::Mean),
+            ("MEAN(P_OIL)", Figure::Mean),
+            ("STDDEV(Y_SP)", Figure::Spread),
+            ("Y_SP [%]", Figure::Value),
+            ("Speed [1/min]", Figure::Value),
+            ("cooling l/min", Figure::Value),
+            ("Y [mm/min]", Figure::Value),
+            ("Kolben [mm]", Figure::Value),
+            ("minor loop", Figure::Value),
+            ("PT1/Min", Figure::Extreme),
+            ("ctrl/min", Figure::Extreme),
+        ] {
+            assert_eq!(figure(name), expected, "{name}");
+        }
+        for name in ["Y_SP (Average) %", "Y_SP.Value", "MEAN(Y_SP)", "y_sp_max_pct", "Y_SP [%]", "Y_SP (min)"] {
+            assert_eq!(tag(name), ["y", "sp"], "{name}");
         }
     }
 

@@ -1,7 +1,7 @@
 //! The line of a map for a column: unit, range, sign and states as the file shows them, with what its reader must settle.
 
 use super::column::SuggestedColumn;
-use super::names::words;
+use super::names::{Figure, figure, tag, words};
 use super::trip::{TripSign, running_states, sign_of_trip};
 use crate::import::convert::{plain, pressure, share};
 use crate::import::map::{SignalMap, SignalPlace, TripRule};
@@ -128,7 +128,10 @@ fn stands_half_way(column: &SuggestedColumn, full: f64) -> bool {
 fn unknown_unit(name: &str) -> Option<&str> {
     let name = name.trim();
     let inside = name.strip_suffix([']', ')']).and_then(|rest| rest.split_once(['[', '(']));
-    inside.map(|(_, unit)| unit.trim()).filter(|unit| unit.contains(char::is_alphabetic))
+    // `P (Max)` and `MEAN(P)` state none.
+    let is_unit =
+        |one: &(&str, &str)| [one.0, one.1].iter().all(|part| !tag(part).is_empty()) && figure(one.1) == Figure::Value;
+    inside.filter(is_unit).map(|(_, unit)| unit.trim()).filter(|unit| unit.contains(char::is_alphabetic))
 }
 
 /// The range of a current up to 20 mA, in the unit of the column.
@@ -190,4 +193,21 @@ fn trip_state(column: &SuggestedColumn) -> (String, String) {
 pub(super) fn rounded(value: f64) -> String {
     let text = format!("{value:.4}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_figure_is_no_unit() {
+        for (name, unit) in [
+            ("P_OIL (Max)", None),
+            ("MEAN(P_OIL)", None),
+            ("P [Torrs]", Some("Torrs")),
+            ("P max [Torrs]", Some("Torrs")),
+        ] {
+            assert_eq!(unknown_unit(name), unit, "{name}");
+        }
+    }
 }

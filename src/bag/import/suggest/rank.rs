@@ -3,7 +3,7 @@
 use super::Suggestion;
 use super::column::SuggestedColumn;
 use super::machines::{machines, two_machines};
-use super::names::score;
+use super::names::{Figure, score, tag};
 use super::propose::{rounded, signal};
 use super::relations::{Relation, WEAKEST, pairs, relations};
 use super::trio::best_trio;
@@ -41,9 +41,10 @@ pub(super) type Choice = Option<(usize, f64, Vec<String>)>;
 pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) -> Suggestion {
     let own: Evidence = columns.iter().map(|column| Target::ALL.map(|target| evidence(column, target))).collect();
     let machines = machines(columns.iter().map(|column| column.name.as_str()));
+    let lesser = lesser_figures(&columns);
     // Signals of one proposal are of one machine: of several, the one with most evidence.
     let choices = (0..machines.words.len().max(1)).map(|machine| {
-        let choice = choose(&columns, &own, &|column| machines.may_be_of(column, machine));
+        let choice = choose(&columns, &own, &|column| !lesser[column] && machines.may_be_of(column, machine));
         (machine, choice.chosen.iter().flatten().map(|(_, sum, _)| sum).sum::<f64>(), choice)
     });
     let best = choices.reduce(|best, other| if other.1 > best.1 + TIE { other } else { best });
@@ -75,6 +76,7 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
             None => absent(target, &chosen, &mut map, &mut reasons, &mut open),
         }
     }
+    open.extend(statistics(&columns, &chosen));
     open.extend(may_be_trip(&columns, &chosen));
     open.extend(several_machines(&columns, &chosen));
     open.extend(competing(&columns, &related, &relations, &chosen));
@@ -152,6 +154,43 @@ fn choose(columns: &[SuggestedColumn], own: &Evidence, allowed: &dyn Fn(usize) -
         });
     }
     Chosen { chosen, related, relations }
+}
+
+/// Which columns are no signals because they hold a lesser figure of a tag than another does, or how it scatters.
+fn lesser_figures(columns: &[SuggestedColumn]) -> Vec<bool> {
+    let tags: Vec<Vec<String>> = columns.iter().map(|column| tag(&column.name)).collect();
+    let rank = |at: usize| {
+        let column = &columns[at];
+        // A mean of states is no state.
+        let of_states = column.figure == Figure::Extreme && column.is_switch() && column.distinct.len() > 1;
+        (if of_states { Figure::Value } else { column.figure }, at)
+    };
+    let holds = |at: usize| columns[at].range.count > 0 || columns[at].texts > 0;
+    let better = |at: usize, other: usize| tags[other] == tags[at] && holds(other) && rank(other) < rank(at);
+    let is_lesser = |at: usize| match columns[at].figure {
+        Figure::Value => false,
+        Figure::Spread => true,
+        Figure::Mean | Figure::Extreme => (0..columns.len()).any(|other| better(at, other)),
+    };
+    (0..columns.len()).map(is_lesser).collect()
+}
+
+/// Signals that by their names are figures of a historian's intervals.
+fn statistics(columns: &[SuggestedColumn], chosen: &[Choice]) -> Option<String> {
+    let taken: Vec<&SuggestedColumn> = chosen.iter().flatten().map(|(column, ..)| &columns[*column]).collect();
+    let of: Vec<&&SuggestedColumn> = taken.iter().filter(|column| column.figure != Figure::Value).collect();
+    let has = |figure: Figure| of.iter().any(|column| column.figure == figure);
+    let what = match [Figure::Mean, Figure::Extreme].map(has) {
+        [false, false] => return None,
+        [true, false] => "means",
+        [false, true] => "minima or maxima",
+        [true, true] => "means, minima or maxima",
+    };
+    let names: Vec<String> = of.iter().map(|column| format!("`{}`", column.name)).collect();
+    Some(format!(
+        "statistics: by their names {} are {what} over an interval, of which fast faults cannot be judged; export raw values",
+        names.join(", ")
+    ))
 }
 
 /// Columns that move with the spool as the chosen servomotor does: which of them is the piston only its reader knows.
