@@ -62,7 +62,7 @@ pub(super) fn signal(
         _ => {
             signal.conversion.turned = turned;
             if turned {
-                open.push(format!("{id}: the servomotor moves against it, so that it is turned round (`sign: -1`)"));
+                open.push(turned_round(id, servomotor));
             }
             let one_sided = matches!(target, Target::OpeningCommand | Target::ServomotorPosition);
             let farthest = least.abs().max(most.abs());
@@ -113,6 +113,45 @@ pub(super) fn signal(
         signal.conversion.unit = unit;
     }
     signal
+}
+
+/// That a spool is turned round; of a servomotor that may count closing, that the servomotor may be what is turned.
+fn turned_round(id: &str, servomotor: Option<&SuggestedColumn>) -> String {
+    let said = format!("{id}: the servomotor moves against it, so that it is turned round (`sign: -1`)");
+    match servomotor.filter(|servomotor| counts_closing(servomotor)) {
+        Some(servomotor) => format!(
+            "{said}; but by its name it may be `{}` that is turned, as it counts closing: then swap the ends of its `range`, and drop this `sign`",
+            servomotor.name
+        ),
+        None => said,
+    }
+}
+
+/// Words of positions that count closing.
+const CLOSING: Words = Words("closing|closed|closure|close|zu|fermeture|fermee|cierre|cerrado|chiusura|chiuso");
+
+/// Whether a name says that a position counts closing.
+fn counts_closing(column: &SuggestedColumn) -> bool {
+    let words = words(&column.name);
+    let of_loop = |at: usize| words[at] == "closed" && words.get(at + 1).is_some_and(|next| next == "loop");
+    (0..words.len()).any(|at| (CLOSING.has(&words[at]) || words[at].starts_with("schliess")) && !of_loop(at))
+}
+
+/// The question about a position that by its name may count closing, with what would turn it.
+pub(super) fn may_count_closing(signal: &SignalMap, column: &SuggestedColumn) -> Option<String> {
+    if !counts_closing(column) || column.is_binary() {
+        return None;
+    }
+    let way = match signal.target {
+        Target::OpeningCommand | Target::ServomotorPosition => {
+            let full = share(&signal.unit).map_or(1.0, |unit| 1.0 / unit.apply(1.0));
+            let [closed, open] = signal.conversion.range.unwrap_or([0.0, full]);
+            format!("range: [{}, {}]", rounded(open), rounded(closed))
+        }
+        Target::SpoolPosition | Target::PilotValvePosition if !signal.conversion.turned => "sign: -1".to_owned(),
+        _ => return None,
+    };
+    Some(format!("{}: by its name `{}` may count closing; if so, give it `{way}`", signal.target.id(), column.name))
 }
 
 /// Whether a spool's values count from fully closed, so that neutral, where it is most of the time, is half of all.
@@ -198,6 +237,36 @@ pub(super) fn rounded(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::import::source::channel::ChannelValue;
+
+    #[test]
+    fn a_position_that_counts_closing_is_asked_about() {
+        for (name, target, way) in [
+            ("closing position [%]", Target::ServomotorPosition, Some("range: [100, 0]")),
+            ("Sollwert Schliessung [%]", Target::OpeningCommand, Some("range: [100, 0]")),
+            ("Schließgrad Ist", Target::ServomotorPosition, Some("range: [100, 0]")),
+            ("Leitapparat zu [pu]", Target::ServomotorPosition, Some("range: [1, 0]")),
+            ("spool closing [%]", Target::SpoolPosition, Some("sign: -1")),
+            ("valve closed", Target::Esv, None),
+            ("/closed_loop/servo", Target::ServomotorPosition, None),
+            ("Gate position [%]", Target::ServomotorPosition, None),
+        ] {
+            let mut column = SuggestedColumn::new(name, "");
+            for k in 0..=50_u8 {
+                let value = f64::from(k) * if column.unit == "pu" { 0.02 } else { 2.0 };
+                column.take(i64::from(k) * 1_000_000_000, ChannelValue::Number(value));
+            }
+            let signal = signal(target, &column, false, false, None, &mut vec![]);
+            let asked = may_count_closing(&signal, &column);
+            assert_eq!(asked.is_some(), way.is_some(), "{name}: {asked:?}");
+            assert!(asked.unwrap_or_default().contains(way.unwrap_or_default()), "{name}");
+        }
+        let servomotor = SuggestedColumn::new("Y closing position [%]", "");
+        assert!(
+            turned_round("spool_position", Some(&servomotor))
+                .contains("it may be `Y closing position [%]` that is turned")
+        );
+    }
 
     #[test]
     fn a_figure_is_no_unit() {
