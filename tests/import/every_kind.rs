@@ -407,6 +407,7 @@ fn nothing_is_read_wrong_without_a_word() {
         senders,
         of_time::times,
         numbers,
+        of_value::meanings,
         of_value::qualities,
         of_value::currents,
         of_value::formats,

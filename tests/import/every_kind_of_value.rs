@@ -61,6 +61,35 @@ pub(super) fn qualities(cases: &mut Cases) {
     }
 }
 
+/// Columns whose names say that they are a figure of an interval, count closing, or hold what another signal is easily taken for.
+pub(super) fn meanings(cases: &mut Cases) {
+    const KIND: &str = "meaning of a column";
+    for (name, header, expected) in [
+        ("means", "Time,cmd (Average) [%],servo (Average) [%],spool (Average) [%],p tank (Average) [bar]", "are means"),
+        ("maxima", "Time,Y_SP max [%],Y_PV max [%],HSV max [%],P_OIL max [bar]", "are minima or maxima"),
+        ("closing", "Time,closing demand [%],closing position [%],spool [%],p tank [bar]", "`range: [100, 0]`"),
+        (
+            "Schließgrad",
+            "Time,Sollwert [%],Schließgrad Ist [%],Steuerventil [%],Druck Speicher [bar]",
+            "may count closing",
+        ),
+    ] {
+        cases.add(KIND, name, wide(header, rejection(), iso, |value, _| value.to_string(), ","), Asked(expected));
+    }
+    for (name, header, more, expected) in [
+        ("value and maximum", "Y_PV max [%]", 1.0, Right),
+        ("two transducers", "Y_PV2 [%]", 1.0, Asked("moves with the spool as")),
+        ("another place", "Penstock pressure [bar]", 0.3, Right),
+    ] {
+        let mut text = format!("t [s],Y_SP [%],Y_PV [%],HSV [%],P_OIL [bar],{header}\n");
+        for row in rejection() {
+            let cells = row.values.map(|value| value.to_string()).join(",");
+            let _ = writeln!(text, "{:.2},{cells},{}", row.time_s, 0.1 + more * row.values[1]);
+        }
+        cases.add(KIND, name, text, expected);
+    }
+}
+
 pub(super) fn currents(cases: &mut Cases) {
     const KIND: &str = "4 to 20 mA";
     let map = "signals: {opening_command: {column: cmd}, spool_position: {column: spool}, tank_pressure: {column: p tank}, servomotor_position: ";

@@ -243,3 +243,21 @@ fn a_valve_of_two_levels_and_a_speed_are_told_apart() {
     assert_eq!(found.pairs[0].what, "has as its speed");
     assert!(found.open.iter().any(|open| open.contains("is the speed of `x` itself")), "{:?}", found.open);
 }
+
+#[test]
+fn figures_of_an_interval_and_set_points_are_no_other_signals() {
+    let mut text = "t,Y_SP avg [%],Y_SP min [%],Y_SP max [%],P_OIL min [bar],P_OIL avg [bar]\n".to_owned();
+    for k in 0..2000 {
+        let time_s = k as f64 * 0.02;
+        let y = 50.0 + 30.0 * (0.5 * time_s).sin();
+        let p = 62.5 + 0.3 * (0.2 * time_s).sin();
+        text.push_str(&format!("{time_s},{y},{},{},{},{p}\n", y - 1.0, y + 1.0, p - 0.1));
+    }
+    let (_folder, path) = file("figures.csv", &text);
+    let found = of(&path);
+    let places: Vec<_> = places(&found).into_iter().filter(|(target, _)| *target != Target::Esv).collect();
+    let wanted =
+        [(Target::OpeningCommand, "Y_SP avg [%]".to_owned()), (Target::TankPressure, "P_OIL avg [bar]".to_owned())];
+    assert_eq!(places, wanted, "{:?}", found.open);
+    assert!(found.open.iter().any(|open| open.contains("are means over an interval")), "{:?}", found.open);
+}

@@ -10,7 +10,7 @@ use super::signal_words::WORDS;
 /// Words of quantities that are none of the signals.
 const OTHERS: Words = Words(
     "id|numericid|speed|drehzahl|vitesse|frequency|frequenz|power|leistung|puissance|temp|temperature|temperatur|level|niveau|stand|head|flow|\
-     durchfluss|force|kraft|voltage|spannung|rpm|hz|mw|velocity|effort|runner|laufrad|laufschaufel|limit|转速|频率|转轮|桨叶",
+     durchfluss|force|kraft|voltage|spannung|rpm|hz|mw|velocity|effort|runner|laufrad|laufschaufel|limit|deviation|abweichung|regelabweichung|ecart|error|转速|频率|转轮|桨叶",
 );
 
 /// Words of a quantity that has another source than the one that a position has: they speak against all positions.
@@ -18,6 +18,22 @@ const PRESSURES: Words = Words("pres|pressure|druck|pression|presion|press|trykk
 
 /// Words of pressures that are not the tank's, where nothing else says that they are.
 const NOT_OF_TANK: Words = Words("load|differential|difference|diff|delta|dp|rod|return|cylinder");
+
+/// Words of other places that have a pressure, in any part of a name where they are long; they speak against both pressures.
+const ELSEWHERE: Words = Words(
+    "penstock|spiral|draft|sump|bearing|cooling|druckrohr|saugrohr|conduite|head|headrace|headwater|tail|tailrace|tailwater|water|wasser|lager",
+);
+
+/// Words that say that a column is what is asked for, whatever else it says.
+const ASKED_FOR: Words = Words(
+    "setpoint|sp|set_point|command|cmd|demand|dmd|soll|sollwert|consigne|consigna|referanse|riferimento|settpunkt|borvarde|给定|指令|设定|задан|уставк",
+);
+/// And that it was measured nevertheless.
+const MEASURED: Words = Words("ist|istwert|feedback|actual|measured|mesure|反馈");
+
+/// Words beside which `pv` is the process value, and no pilot valve.
+const OF_VALUES: Words =
+    Words("y|gate|gv|wicket|vane|servo|servomotor|opening|leitapparat|hsv|mdv|spool|oil|tank|p|pressure");
 
 /// How much a name speaks for each signal, and the words by which it does.
 pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
@@ -30,8 +46,12 @@ pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
     // At the end of a tag it says that this is the process value.
     let attribute = name.rsplit(['.', ':', '/']).next().unwrap_or_default();
     let is_attribute = attribute.len() < name.len() && attribute.trim().eq_ignore_ascii_case("pv");
-    let is_value =
-        |word: &str| word == "pv" && (is_attribute || words.len() > 2 && words.last().is_some_and(|last| last == "pv"));
+    let is_value = |word: &str| {
+        word == "pv"
+            && (is_attribute
+                || words.len() > 2 && words.last().is_some_and(|last| last == "pv")
+                || words.iter().any(|word| OF_VALUES.has(word)))
+    };
     for (word, weight) in words_of(target) {
         if has(word) && !is_value(word) {
             found.push((word, weight));
@@ -40,6 +60,14 @@ pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
     // `control_pressure` says what `pressure` says, and more.
     let of_words = |word: &str| found.iter().any(|(other, _)| *other != word && other.contains(word));
     let mut sum: f64 = found.iter().filter(|(word, _)| !of_words(word)).map(|(_, weight)| weight).sum();
+    let elsewhere = |one: &str| if one.len() > 4 { text.contains(one) } else { words.iter().any(|word| word == one) };
+    let asked_for = ASKED_FOR.all().any(has) && !MEASURED.all().any(has);
+    if target.is_pressure() && ELSEWHERE.all().any(elsewhere)
+        || target == Target::ServomotorPosition && asked_for
+        || matches!(target, Target::PilotValvePosition | Target::ControlPressure) && found.is_empty()
+    {
+        return (f64::NEG_INFINITY, vec![]);
+    }
     if words.iter().any(|word| OTHERS.has(word)) {
         sum -= 4.0;
     }
@@ -204,6 +232,29 @@ mod tests {
     }
 
     #[test]
+    fn what_is_left_over_is_no_other_signal() {
+        let never =
+            |name: &str, target: Target| assert!(score(name, target).0 <= 0.0, "{name}: {:?}", score(name, target));
+        for name in ["Y_PV2", "Y_PV A", "Y_PV B", "Opening", "Power"] {
+            never(name, Target::PilotValvePosition);
+        }
+        for name in ["Penstock pressure", "Sump pressure", "Oil pressure", "P2"] {
+            never(name, Target::ControlPressure);
+        }
+        for name in ["Y setpoint", "Gate position command", "Y Sollwert", "servo cmd"] {
+            never(name, Target::ServomotorPosition);
+        }
+        for (name, target) in [
+            ("u_pv", Target::PilotValvePosition),
+            ("PV position", Target::PilotValvePosition),
+            ("Steuerdruck", Target::ControlPressure),
+            ("Y feedback of command", Target::ServomotorPosition),
+        ] {
+            assert!(score(name, target).0 >= 2.0, "{name}");
+        }
+    }
+
+    #[test]
     fn figures_of_historians_are_told_from_values() {
         for (name, expected) in [
             ("GV_CMD.Min", Figure::Extreme),
@@ -290,6 +341,10 @@ mod tests {
             "/joint_states.velocity[servomotor]",
             "Runner blade",
             "转速",
+            "Y deviation",
+            "Penstock pressure",
+            "Sump pressure",
+            "Druck Druckrohrleitung",
         ] {
             assert_eq!(best(name), None, "{name}: {:?}", Target::ALL.map(|target| score(name, target)));
         }
