@@ -7,13 +7,14 @@ mod zone;
 use jiff::Timestamp;
 use jiff::civil::{Date, DateTime, Time};
 use jiff::fmt::strtime::BrokenDownTime;
-use jiff::tz::{AmbiguousOffset, TimeZone};
+use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
 
 use super::map::TimeMap;
 use super::number::{Numbers, decimal, decimal_ns};
 use govtwin_model::params::nearest;
 
 pub(super) use detect::{are_times, detect};
+pub(super) use zone::of_header as zone_of_header;
 use zone::zone;
 
 /// A second, ns.
@@ -138,6 +139,8 @@ pub struct TimeReader {
     format: Format,
     numbers: Numbers,
     zone: TimeZone,
+    /// What a word behind the present time says of its zone.
+    offset: Option<Offset>,
     /// The moment of relative times, ns, and the day of times without a date.
     start_ns: i64,
     day: Option<Date>,
@@ -169,6 +172,7 @@ impl TimeReader {
             format,
             numbers: numbers.clone(),
             zone,
+            offset: None,
             start_ns: 0,
             day: None,
             newest_ns: None,
@@ -300,12 +304,21 @@ impl TimeReader {
 
     fn pattern(&mut self, text: &str) -> Result<i64, String> {
         let Format::Pattern(pattern) = &self.format else { return Err("no pattern".into()) };
+        // A word for the zone, which patterns do not read; the map's pattern may have it as it stands.
+        let literal = words::with_zone(pattern).map(|(pattern, _)| pattern.into_owned());
+        let whole = text;
+        let with_zone = words::with_zone(text);
+        self.offset = with_zone.as_ref().map(|(_, offset)| *offset);
+        let text = with_zone.as_ref().map_or(text, |(local, _)| local);
+        let pattern = literal.as_deref().filter(|_| with_zone.is_some()).unwrap_or(pattern);
         let comma = !pattern.contains(',') && text.contains(',');
         let plain = if comma { text.replace(',', ".") } else { text.to_owned() };
         let in_words = pattern.contains("%b") || pattern.contains("%p");
         let plain = if in_words { words::english(&plain) } else { plain };
-        let parts = BrokenDownTime::parse(pattern, &plain)
-            .map_err(|_| format!("expected a time as `{pattern}`, found `{text}`"))?;
+        let parts = BrokenDownTime::parse(pattern, &plain).map_err(|_| match words::with_unknown_zone(whole) {
+            Some((_, word)) => format!("`{word}` in `{whole}` is no zone of one offset alone"),
+            None => format!("expected a time as `{pattern}`, found `{whole}`"),
+        })?;
         if parts.offset().is_some() || parts.iana_time_zone().is_some() {
             return ns(parts.to_timestamp().map_err(short)?);
         }
@@ -343,6 +356,9 @@ impl TimeReader {
 
     /// Local time in the zone; where the end of summer time makes it ambiguous, the moment that goes on from the last one.
     fn at(&mut self, local: DateTime) -> Result<i64, String> {
+        if let Some(offset) = self.offset {
+            return ns(offset.to_timestamp(local).map_err(short)?);
+        }
         self.used_zone = true;
         let ambiguous = self.zone.to_ambiguous_timestamp(local);
         match ambiguous.offset() {

@@ -1,6 +1,6 @@
 //! How the times of a file are written, found out from some of them; what may be meant two ways is not guessed.
 
-use super::Format;
+use super::{Format, words};
 use crate::import::convert::plain;
 use crate::import::map::TimeMap;
 use crate::import::number::{NumberCell, Numbers};
@@ -11,7 +11,7 @@ const PATTERNS: Words = Words(
     "%Y-%m-%d %H:%M:%S%.f %z|%Y/%m/%d %H:%M:%S%.f|%Y.%m.%d %H:%M:%S%.f|%Y%m%dT%H%M%S%.f|%Y%m%d %H:%M:%S%.f|%Y%m%d %H%M%S%.f|%Y-%m-%d %H:%M|\
      %d.%m.%Y %H:%M:%S%.f|%d.%m.%y %H:%M:%S%.f|%d.%m.%Y %H:%M:%S:%f|%Y-%m-%d %H:%M:%S:%f|%d.%m.%Y %H:%M|%d.%m.%y %H:%M|%d-%m-%Y %H:%M:%S%.f|\
      %d-%b-%Y %H:%M:%S%.f|%d-%b-%y %H:%M:%S%.f|%d-%b-%y %I.%M.%S%.f %p|%a, %d %b %Y %H:%M:%S%.f %z|%d %b %Y %H:%M:%S%.f|%b %d, %Y %I:%M:%S%.f %p|\
-     %a %b %d %H:%M:%S%.f %Y|%Y年%m月%d日 %H:%M:%S%.f|%Y年%m月%d日%H时%M分%S%.f秒|%Y/%m/%d %p %I:%M:%S%.f|%Y-%jT%H:%M:%S%.f|%H:%M:%S%.f|%M:%S.%f|\
+     %b %d %Y %I:%M:%S%.f %p|%a %b %d %H:%M:%S%.f %Y|%Y年%m月%d日 %H:%M:%S%.f|%Y年%m月%d日%H时%M分%S%.f秒|%Y/%m/%d %p %I:%M:%S%.f|%Y-%jT%H:%M:%S%.f|%H:%M:%S%.f|%M:%S.%f|\
      %m/%d/%Y %I:%M:%S%.f %p|%d/%m/%Y %I:%M:%S%.f %p|%m/%d/%Y %H:%M:%S%.f|%d/%m/%Y %H:%M:%S%.f|%m/%d/%Y %H:%M|%d/%m/%Y %H:%M|\
      %m/%d/%y %H:%M:%S%.f|%d/%m/%y %H:%M:%S%.f",
 );
@@ -68,11 +68,24 @@ pub(in crate::import) fn detect(
              the map"
         )),
         [first, ..] => found(Format::Pattern(first.to_owned())),
-        [] => Err(format!(
+        [] => Err(unknown_zone(&texts, numbers).map_or_else(|| format!(
             "column `{name}`: expected times, found `{example}`; give their pattern, such as `time: {{format: \"%d.%m.%Y \
              %H:%M:%S%.f\"}}`, or name another column"
-        )),
+        ), |problem| format!("column `{name}`: {problem}"))),
     }
+}
+
+/// What to say of times that can be read but for the word for their zone behind them.
+fn unknown_zone(texts: &[&String], numbers: &Numbers) -> Option<String> {
+    let parted = texts.iter().filter_map(|text| words::with_unknown_zone(text));
+    let (_, word) = parted.clone().next()?;
+    let bare: Vec<String> = parted.filter(|(_, other)| *other == word).map(|(local, _)| local.into_owned()).collect();
+    let format = (bare.len() * 10 >= texts.len() * 9).then(|| detect(&bare, "", "", numbers).ok())??.format;
+    let pattern = if format == Format::Iso { "%Y-%m-%d %H:%M:%S%.f" } else { format.name() };
+    Some(format!(
+        "`{word}` behind the times means several zones, or none that is known; say which with `time: {{format: \"{pattern} {word}\", zone: …}}` in \
+         the map"
+    ))
 }
 
 /// Whether nearly all texts are dates or times of day in one of the known ways, or look like some.
@@ -276,6 +289,9 @@ mod tests {
             (["22/9/2026 1:00:00 p. m.", "22/9/2026 1:00:01 p. m.", ""], "", "%d/%m/%Y %I:%M:%S%.f %p"),
             (["13/05/24 10:00:00", "13/05/24 10:00:01", "13/05/24 10:00:02"], "", "%d/%m/%y %H:%M:%S%.f"),
             (["2026-09-22 18:38:20.5 CEST", "2026-09-22 18:38:21 CEST", ""], "", "iso"),
+            (["22.09.2026 18:38:20.5 CEST", "22.09.2026 17:38:21 CET", ""], "", "%d.%m.%Y %H:%M:%S%.f"),
+            (["Sep 22 2026 06:38:20.5 PM EDT", "Sep 22 2026 06:38:21 PM EDT", ""], "", "%b %d %Y %I:%M:%S%.f %p"),
+            (["Tue Sep 22 18:38:20 CEST 2026", "Tue Sep 22 18:38:21 CEST 2026", ""], "", "%a %b %d %H:%M:%S%.f %Y"),
             (["22-SEP-26 06.38.20.5 PM", "22-SEP-26 06.38.21.0 PM", ""], "", "%d-%b-%y %I.%M.%S%.f %p"),
             (
                 ["Tue, 22 Sep 2026 18:38:20.5 +0200", "Tue, 22 Sep 2026 18:38:21 +0200", ""],
@@ -309,6 +325,11 @@ mod tests {
             (["900000000", "900000040", "900000080"], "as seconds since 1970 its rows are 40 s apart"),
             (["0.0", "0.00001", "0.00002"], "say how it counts"),
             (["5.5e10", "5.6e10", "5.7e10"], "in which unit?"),
+            (
+                ["2026-09-22 18:38:20 IST", "2026-09-22 18:38:21 IST", ""],
+                "`IST` behind the times means several zones, or none that is known; say which with `time: {format: \"%Y-%m-%d %H:%M:%S%.f IST\"",
+            ),
+            (["22.09.2026 18:38:20 CST", "22.09.2026 18:38:21 CST", ""], "%d.%m.%Y %H:%M:%S%.f CST"),
             (["open", "close", "open"], "expected times, found `open`"),
         ] {
             let error = of(&texts, "").unwrap_err();

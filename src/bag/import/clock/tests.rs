@@ -32,6 +32,11 @@ fn one_moment_is_read_from_every_format() {
         ("%d.%m.%Y %H:%M:%S%.f", Some("UTC+2"), None, "02.05.2024 10:00:00,250"),
         ("%m/%d/%Y %I:%M:%S%.f %p", None, None, "05/02/2024 08:00:00.250 AM"),
         ("%Y-%m-%d %H:%M:%S%.f %z", None, None, "2024-05-02 10:00:00.25 +0200"),
+        ("%d.%m.%Y %H:%M:%S%.f", Some("Asia/Tokyo"), None, "02.05.2024 10:00:00.250 CEST"),
+        ("%d.%m.%Y %H:%M:%S%.f CEST", None, None, "02.05.2024 09:00:00.250 CET"),
+        ("%d.%m.%Y %H:%M:%S%.f IST", Some("Asia/Kolkata"), None, "02.05.2024 13:30:00.250 IST"),
+        ("%b %d %Y %I:%M:%S%.f %p", None, None, "May 02 2024 04:00:00.250 AM EDT"),
+        ("%H:%M:%S%.f", None, Some("2024-05-02"), "10:00:00.25 CEST"),
         ("%H:%M:%S%.f", Some("Europe/Zurich"), Some("2024-05-02"), "10:00:00.25"),
     ] {
         assert_eq!(clock(format, zone, start).read(text), Ok(moment_ns), "{format} {text}");

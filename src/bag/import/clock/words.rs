@@ -1,5 +1,7 @@
 //! Words in times: months, halves of the day and abbreviations of zones.
 
+use std::borrow::Cow;
+
 use jiff::tz::Offset;
 
 use crate::import::words::Words;
@@ -23,8 +25,16 @@ const MONTHS: [(&str, Words); 12] = [
 const HALVES: [(&str, Words); 2] =
     [("AM", Words("a. m.|a.m.|a.\u{a0}m.|上午")), ("PM", Words("p. m.|p.m.|p.\u{a0}m.|下午"))];
 /// Abbreviations of zones that mean one offset alone, h.
-const ZONES: [(i8, Words); 4] =
-    [(0, Words("UTC|GMT|WET")), (1, Words("WEST|CET|MEZ")), (2, Words("CEST|MESZ|EET")), (3, Words("EEST"))];
+const ZONES: [(i8, Words); 8] = [
+    (0, Words("UTC|GMT|WET")),
+    (1, Words("WEST|CET|MEZ")),
+    (2, Words("CEST|MESZ|EET")),
+    (3, Words("EEST")),
+    (9, Words("JST")),
+    (-4, Words("EDT")),
+    (-6, Words("MDT")),
+    (-7, Words("PDT")),
+];
 
 /// The same with the names of months and halves of the day in English, short.
 pub(super) fn english(text: &str) -> String {
@@ -58,11 +68,33 @@ pub(super) fn english(text: &str) -> String {
     out
 }
 
-/// A local time and the offset that the abbreviation behind it means.
-pub(super) fn with_zone(text: &str) -> Option<(&str, Offset)> {
-    let (local, word) = text.rsplit_once([' ', '\u{a0}'])?;
+/// A local time and the offset that the abbreviation behind it means; a year may stand behind that.
+pub(super) fn with_zone(text: &str) -> Option<(Cow<'_, str>, Offset)> {
+    let (local, word) = parted(text)?;
     let (hours, _) = ZONES.iter().find(|(_, zones)| zones.has(word))?;
-    Some((local.trim_end(), Offset::from_hours(*hours).ok()?))
+    Some((local, Offset::from_hours(*hours).ok()?))
+}
+
+/// A local time and the abbreviation of a zone behind it that means several offsets, or none that is known.
+pub(super) fn with_unknown_zone(text: &str) -> Option<(Cow<'_, str>, &str)> {
+    parted(text).filter(|(_, word)| ZONES.iter().all(|(_, zones)| !zones.has(word)))
+}
+
+/// A time and the capitals behind it that may be the abbreviation of a zone.
+fn parted(text: &str) -> Option<(Cow<'_, str>, &str)> {
+    const BLANKS: [char; 2] = [' ', '\u{a0}'];
+    let is_zone = |word: &str| {
+        let is_month = MONTHS.iter().any(|(_, begins)| begins.has(&word.to_lowercase()));
+        let letters = (2..=5).contains(&word.len()) && word.bytes().all(|byte| byte.is_ascii_uppercase());
+        letters && !is_month && !["AM", "PM"].contains(&word)
+    };
+    let (local, word) = text.trim_end().rsplit_once(BLANKS)?;
+    if is_zone(word) {
+        return Some((Cow::Borrowed(local.trim_end()), word));
+    }
+    let year = Some(word).filter(|word| word.len() == 4 && word.bytes().all(|byte| byte.is_ascii_digit()))?;
+    let (local, word) = local.rsplit_once(BLANKS).filter(|(_, word)| is_zone(word))?;
+    Some((Cow::Owned(format!("{} {year}", local.trim_end())), word))
 }
 
 #[cfg(test)]
@@ -83,5 +115,11 @@ mod tests {
         }
         assert_eq!(with_zone("2026-09-22 18:38:20 CEST").unwrap().1.seconds(), 7200);
         assert!(with_zone("2026-09-22 18:38:20").is_none());
+        let (local, offset) = with_zone("Tue Sep 22 18:38:20 EDT 2026").unwrap();
+        assert_eq!((local.as_ref(), offset.seconds()), ("Tue Sep 22 18:38:20 2026", -4 * 3600));
+        assert_eq!(with_unknown_zone("22.09.2026 18:38:20 IST").unwrap().1, "IST");
+        for text in ["22.09.2026 18:38:20 CEST", "09/22/2026 6:38:20 PM", "22-SEP-26", "22 SEP 2026"] {
+            assert!(with_unknown_zone(text).is_none(), "{text}");
+        }
     }
 }

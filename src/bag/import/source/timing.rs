@@ -6,8 +6,8 @@ use super::head::TableHead;
 use super::pairs::pairs;
 use super::records::{SAMPLED, TableRecords};
 use crate::import::ImportError;
-use crate::import::clock::{Format, TimeReader, are_times, detect};
-use crate::import::map::{Map, SignalPlace};
+use crate::import::clock::{Format, TimeReader, are_times, detect, zone_of_header};
+use crate::import::map::{Map, SignalPlace, TimeMap};
 use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// Columns that hold the time of others.
@@ -149,7 +149,15 @@ fn written<R: TableRecords>(
         }
         None => found(head, open, (&columns, fraction, &of), note)?,
     };
-    let clock = TimeReader::new(format, &map.time, &head.numbers).map_err(wrong)?;
+    // The map counts before the header.
+    let stated = columns.iter().find_map(|column| zone_of_header(&head.names[*column]));
+    let stated = stated.filter(|_| map.time.zone.is_none());
+    let note = match &stated {
+        Some(zone) if !note.is_empty() => format!("{note}, in {zone} as its header says"),
+        _ => note,
+    };
+    let time = TimeMap { zone: stated.or(map.time.zone.clone()), ..map.time.clone() };
+    let clock = TimeReader::new(format, &time, &head.numbers).map_err(wrong)?;
     let may_be_blank = of != TimeOf::All;
     Ok(Timing { group: TimeGroup { columns, clock, native, of, may_be_blank, fraction }, note })
 }
