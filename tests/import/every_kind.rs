@@ -406,10 +406,12 @@ fn nothing_is_read_wrong_without_a_word() {
     for add in [
         senders,
         of_time::times,
+        of_time::units_and_zones,
         numbers,
         of_value::meanings,
         of_value::qualities,
         of_value::currents,
+        of_value::units,
         of_value::formats,
         of_value::impossible,
     ] {

@@ -244,3 +244,40 @@ pub(super) fn times(cases: &mut Cases) {
     let lost_power = headed("t [s]", &|row| format!("{:.2}", row.time_s)) + &"\0".repeat(512);
     cases.add(KIND, "zeros behind the last line", lost_power, Right);
 }
+
+/// Units with factors, and zones in words and headers.
+pub(super) fn units_and_zones(cases: &mut Cases) {
+    const KIND: &str = "time";
+    let headed = |header: &str, time: &dyn Fn(&Truth) -> String| {
+        wide(&HEADER.replace("Timestamp", header), rejection(), time, plain, ",")
+    };
+    let count = |unit_s: f64, zero: i64| move |row: &Truth| (zero + (row.time_s / unit_s).round() as i64).to_string();
+    for (header, unit_s) in [("t [0.1 ms]", 1e-4), ("t [10 ms]", 1e-2), ("Timestamp (100 ns)", 1e-7)] {
+        cases.add(KIND, header, headed(header, &count(unit_s, 0)), Right);
+    }
+    cases.add(
+        KIND,
+        "Ticks (0.1 ms) that run over",
+        headed("Ticks (0.1 ms)", &|row| ((4_294_960_000 + (row.time_s * 1e4).round() as i64) % (1 << 32)).to_string()),
+        Right,
+    );
+    cases.add(KIND, "t [ms x 10]", headed("t [ms x 10]", &count(1e-2, 0)), Refused("may mean 0.1 ms or 10 ms"));
+    for (name, hour, zone, expected) in [
+        ("a zone in letters behind a German date", "20", "CEST", Right),
+        ("UTC behind a German date", "18", "UTC", Right),
+        ("EDT behind a German date", "14", "EDT", Right),
+        ("a zone in letters of several offsets", "23", "IST", Refused("`IST` behind the times")),
+    ] {
+        let time = |row: &Truth| format!("22.09.2026 {hour}{} {zone}", &iso(row)[13..23]);
+        cases.add(KIND, name, headed("Zeit", &time), expected);
+    }
+    for (header, hour) in [("Time (UTC+02:00)", "20"), ("Timestamp (UTC)", "18")] {
+        let time = |row: &Truth| format!("2026-09-22 {hour}{}", &iso(row)[13..23]);
+        cases.add(KIND, header, headed(header, &time), Right);
+    }
+    let by_turns = |row: &Truth| {
+        let (hour, zone) = if row.time_s < 20.0 { ("20", "CEST") } else { ("19", "CET") };
+        format!("22.09.2026 {hour}{} {zone}", &iso(row)[13..23])
+    };
+    cases.add(KIND, "summer time and winter time in letters", headed("Zeit", &by_turns), Right);
+}

@@ -90,6 +90,36 @@ pub(super) fn meanings(cases: &mut Cases) {
     }
 }
 
+/// Factors of units, and what names say of pressures.
+pub(super) fn units(cases: &mut Cases) {
+    const KIND: &str = "number or unit";
+    let header = HEADER.replace("Timestamp", "t [s]");
+    for (unit, in_bar) in [("0.1 bar", 0.1), ("10 kPa", 0.1), ("100 kPa", 1.0)] {
+        let cell = |value: f64, k: usize| if k < 3 { value } else { value / in_bar }.to_string();
+        cases.add(KIND, format!("pressure in {unit}"), timed(&header.replace("bar", unit), cell, ","), Right);
+    }
+    let tenths = |value: f64, k: usize| if k < 3 { value } else { value * 10.0 }.to_string();
+    let behind = timed(&header.replace("bar", "bar x 10"), tenths, ",");
+    cases.add(KIND, "a factor behind a unit", behind.clone(), Asked("looks like 0.1 bar"));
+    let map = "signals: {opening_command: cmd, servomotor_position: servo, spool_position: spool, tank_pressure: {column: p tank, unit: 0.1 bar}}\n";
+    cases.by_map(KIND, "a factor in the map", behind.clone(), map, Right);
+    let map =
+        "signals: {opening_command: cmd, servomotor_position: servo, spool_position: spool, tank_pressure: p tank}\n";
+    cases.by_map(
+        KIND,
+        "a factor behind a unit, and none in the map",
+        behind,
+        map,
+        Refused("may mean 0.1 bar or 10 bar"),
+    );
+    for name in ["P_OIL_ABS [bar]", "Öldruck absolut [bar]", "油罐绝对压力(MPa)"] {
+        let in_bar = if name.contains("MPa") { 10.0 } else { 1.0 };
+        let cell = |value: f64, k: usize| if k < 3 { value } else { (value + 1.01325) / in_bar }.to_string();
+        let header = format!("{},{name}", header.rsplit_once(',').unwrap().0);
+        cases.add(KIND, format!("absolute by its name, {name}"), timed(&header, cell, ","), Right);
+    }
+}
+
 pub(super) fn currents(cases: &mut Cases) {
     const KIND: &str = "4 to 20 mA";
     let map = "signals: {opening_command: {column: cmd}, spool_position: {column: spool}, tank_pressure: {column: p tank}, servomotor_position: ";

@@ -4,11 +4,14 @@ mod detect;
 mod words;
 mod zone;
 
+use std::borrow::Cow;
+
 use jiff::Timestamp;
 use jiff::civil::{Date, DateTime, Time};
 use jiff::fmt::strtime::BrokenDownTime;
 use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
 
+use super::convert::with_factor;
 use super::map::TimeMap;
 use super::number::{Numbers, decimal, decimal_ns};
 use govtwin_model::params::nearest;
@@ -120,17 +123,43 @@ impl Format {
         if text.contains('%') {
             return Ok(Self::Pattern(text.to_owned()));
         }
+        let (factor, name) = with_factor(text);
+        if let Some((_, Self::Relative { unit_ns })) = NAMED.iter().find(|(known, _)| *known == name)
+            && let Some(unit_ns) = whole_ns(factor, *unit_ns)
+        {
+            return Ok(Self::Relative { unit_ns });
+        }
         let names = NAMED.map(|(name, _)| name);
         Err(FormatError { near: nearest(text, names), names: names.to_vec() })
     }
 
-    /// Its name, or the pattern.
-    pub fn name(&self) -> &str {
+    /// Its name, or the pattern; empty where it has none.
+    pub fn name(&self) -> Cow<'_, str> {
         match self {
-            Self::Pattern(pattern) => pattern,
-            named => NAMED.iter().find(|(_, format)| format == named).map_or("", |(name, _)| name),
+            Self::Pattern(pattern) => Cow::Borrowed(pattern),
+            named => match NAMED.iter().find(|(_, format)| format == named) {
+                Some((name, _)) => Cow::Borrowed(*name),
+                None => self.scaled_name().into(),
+            },
         }
     }
+
+    /// The name of a count of another unit than those of the table, as `0.1 milliseconds`.
+    fn scaled_name(&self) -> String {
+        match self {
+            Self::Relative { unit_ns } => format!("{} milliseconds", *unit_ns as f64 / 1e6),
+            _ => String::new(),
+        }
+    }
+}
+
+/// So many of a unit, ns, where they are a whole number of ns.
+fn whole_ns(factor: f64, unit_ns: i64) -> Option<i64> {
+    let product_ns = factor * unit_ns as f64;
+    let whole = product_ns.round();
+    // A month is more than any count's unit.
+    let is_whole = (whole - product_ns).abs() <= 1e-6 * product_ns && (1.0..3e15).contains(&whole);
+    is_whole.then_some(whole as i64)
 }
 
 /// Reads the times of one file, in their order.

@@ -159,8 +159,75 @@ pub fn plain(text: &str) -> String {
     }
 }
 
-/// A unit of pressure, gauge or absolute.
+/// Factors before units of pressure, of which values are so many.
+const FACTORS: [f64; 6] = [1e-3, 1e-2, 0.1, 10.0, 100.0, 1e3];
+
+/// Signs of multiplication in units.
+fn is_times(letter: char) -> bool {
+    "xX×*·".contains(letter)
+}
+
+/// The number at the beginning of a text, with either decimal sign, and the rest; none where a group of digits may be meant as well.
+fn number_before(text: &str) -> Option<(f64, &str)> {
+    let end = text.find(|letter: char| !letter.is_ascii_digit() && !".,".contains(letter)).unwrap_or(text.len());
+    let digits = text[..end].replace(',', ".");
+    let is_group = digits.split_once('.').is_some_and(|(whole, part)| part.len() == 3 && whole.trim_matches('0') != "");
+    let number = digits.parse::<f64>().ok().filter(|number| *number > 0.0 && number.is_finite() && !is_group)?;
+    Some((number, &text[end..]))
+}
+
+/// A text without blanks and brackets round the whole of it.
+fn within(text: &str) -> &str {
+    let text = text.trim();
+    let inside = |open: char, close: char| text.strip_prefix(open).and_then(|rest| rest.strip_suffix(close));
+    inside('[', ']').or_else(|| inside('(', ')')).map_or(text, str::trim)
+}
+
+/// The factor before a unit, as in `0.1 bar` and `x10 ms`, and the unit; 1 where there is none.
+pub fn with_factor(text: &str) -> (f64, &str) {
+    let text = within(text);
+    let Some((factor, unit)) = number_before(text.trim_start_matches(is_times).trim_start()) else {
+        return (1.0, text);
+    };
+    let unit = unit.trim_start();
+    // `10 x ms` as `10 ms`.
+    let behind_sign = unit.strip_prefix(is_times).filter(|rest| rest.starts_with(' ') || !unit.starts_with('x'));
+    let unit = behind_sign.map_or(unit, str::trim_start);
+    if unit.starts_with(|letter: char| letter.is_alphabetic() || "%‰".contains(letter)) {
+        (factor, unit)
+    } else {
+        (1.0, text)
+    }
+}
+
+/// The unit before a factor, as in `bar x 10`, and the factor.
+fn factor_behind(text: &str) -> Option<(&str, f64)> {
+    let text = within(text);
+    let (unit, number) = text.rsplit_once(is_times)?;
+    let (factor, rest) = number_before(number.trim_start())?;
+    rest.is_empty().then_some((unit.trim_end(), factor))
+}
+
+/// The two units that a unit with a factor behind it may mean: values that are multiplied by it, or that are to be.
+pub fn either_factor(text: &str) -> Option<[String; 2]> {
+    let (unit, factor) = factor_behind(text)?;
+    let is_known = pressure(unit).is_some() || share(unit).is_some() || TIMES.has(&plain(unit));
+    is_known.then(|| [format!("{} {unit}", 1.0 / factor), format!("{factor} {unit}")])
+}
+
+/// A unit of pressure, gauge or absolute, with a power of ten before it or without.
 pub fn pressure(text: &str) -> Option<UnitConversion> {
+    let (factor, unit) = with_factor(text);
+    let found = plain_pressure(unit).filter(|_| factor == 1.0 || FACTORS.contains(&factor))?;
+    Some(UnitConversion { times: found.times * factor, ..found })
+}
+
+/// Whether a text is a unit of pressure, with a factor on either side or without.
+pub fn is_pressure(text: &str) -> bool {
+    pressure(text).is_some() || either_factor(text).is_some_and(|[first, _]| pressure(&first).is_some())
+}
+
+fn plain_pressure(text: &str) -> Option<UnitConversion> {
     let name = plain(text);
     // `MPa` and `mPa` differ only in case, and nobody measures oil in the latter.
     let find = |name: &str| match known(name) {
@@ -177,10 +244,43 @@ pub fn pressure(text: &str) -> Option<UnitConversion> {
     name.strip_suffix('g').and_then(find).map(UnitConversion::times)
 }
 
-/// A unit of a share of a stroke.
+/// Words of names for absolute pressures; longer ones begin with them.
+const ABSOLUTE: (Words, Words) = (Words("abs|pabs|абс"), Words("absolut|absolu|assolut|абсолют"));
+
+/// Whether the name of a pressure says that it is absolute, in a word of its own.
+pub fn says_absolute(name: &str) -> bool {
+    let mut parted = String::with_capacity(name.len());
+    let mut before = ' ';
+    for letter in name.chars() {
+        // A capital behind a small letter begins a word.
+        if before.is_lowercase() && letter.is_uppercase() {
+            parted.push(' ');
+        }
+        parted.extend(letter.to_lowercase());
+        before = letter;
+    }
+    let mut words = parted.split(|letter: char| !letter.is_alphabetic());
+    name.contains("绝对")
+        || name.contains("絶対")
+        || words.any(|word| ABSOLUTE.0.has(word) || ABSOLUTE.1.all().any(|begin| word.starts_with(begin)))
+}
+
+/// The unit of a column with what its name says of it: a unit of pressure that says neither gauge nor absolute is absolute if the name says so.
+pub fn unit_by_name(name: &str, unit: &str) -> String {
+    let bare = plain(unit);
+    let is_gauge = bare.ends_with('g') && bare != "mmhg";
+    let says_neither = pressure(unit).is_some_and(|found| found.plus == 0.0) && !is_gauge;
+    let absolute = format!("{unit} abs");
+    if says_neither && says_absolute(name) && pressure(&absolute).is_some() { absolute } else { unit.to_owned() }
+}
+
+/// A unit of a share of a stroke, with a negative power of ten before it or without: `100 %` is a range.
 pub fn share(text: &str) -> Option<UnitConversion> {
-    match known(&plain(text)) {
-        Some(Share(by)) => Some(UnitConversion::by(by)),
+    let (factor, unit) = with_factor(text);
+    match known(&plain(unit)) {
+        Some(Share(by)) if factor == 1.0 || FACTORS[..3].contains(&factor) => {
+            Some(UnitConversion { times: factor, ..UnitConversion::by(by) })
+        }
         _ => None,
     }
 }
@@ -190,11 +290,28 @@ pub fn is_travel(text: &str) -> bool {
     matches!(known(&plain(text)), Some(Travel))
 }
 
-/// Whether a text is a unit that a header may state for any signal.
+/// Units of time, which factors may have.
+const TIMES: Words = Words(
+    "s|sec|secs|second|seconds|sekunden|sek|ms|msec|millis|millisecond|milliseconds|millisekunden|us|µs|\u{3bc}s|usec|micros|microsecond|\
+     microseconds|ns|nsec|nanos|nanosecond|nanoseconds|min|minutes|h|hours",
+);
+
+/// Whether a text is a unit that a header may state for any signal, with a factor or without.
+pub fn is_any_unit(text: &str) -> bool {
+    let (factor, unit) = with_factor(text);
+    let of_time = || factor != 1.0 && TIMES.has(&plain(unit));
+    is_unit(text)
+        || pressure(text).is_some()
+        || share(text).is_some_and(|_| factor != 1.0)
+        || of_time()
+        || either_factor(text).is_some()
+}
+
+/// Whether a text is a unit that a header may state for any signal, without a factor.
 pub fn is_unit(text: &str) -> bool {
     let name = plain(text);
-    pressure(text).is_some()
-        || share(text).is_some_and(|_| name != "1")
+    plain_pressure(text).is_some()
+        || matches!(known(&name), Some(Share(_))) && name != "1"
         || is_travel(text)
         || Words("s|ms|us|µs|ns|min|h|hz|rpm|kw|mw|bool|m3/s|°c|l/min").has(&name)
 }
@@ -202,7 +319,7 @@ pub fn is_unit(text: &str) -> bool {
 /// The units of a signal, for messages.
 pub fn units_of(target: Target) -> &'static str {
     if target.is_pressure() {
-        "Pa, kPa, MPa, bar, psi, kgf/cm2, each gauge, or absolute as `bara`, `MPa(a)`"
+        "Pa, kPa, MPa, bar, psi, kgf/cm2, each gauge, or absolute as `bara`, `MPa(a)`, or a power of ten of one, as `0.1 bar`"
     } else {
         "pu, %, permille, or any other together with `range: [value when closed, value when open]`"
     }
@@ -239,6 +356,51 @@ mod tests {
         assert_eq!(share("%").unwrap().apply(7.0), 0.07);
         assert_eq!(share("pu").unwrap().apply(0.1), 0.1);
         assert!(is_unit("[mm]") && is_unit("%") && !is_unit("1") && !is_unit("valve"));
+    }
+
+    #[test]
+    fn factors_before_units_count_and_those_behind_are_asked() {
+        for (text, value, pa) in [
+            ("0.1 bar", 632.0, 6.32e6),
+            ("[0,1 bar]", 632.0, 6.32e6),
+            ("10 kPa", 632.0, 6.32e6),
+            ("100kPa", 63.2, 6.32e6),
+            ("x 10 kPa", 632.0, 6.32e6),
+            ("×10 kPa", 632.0, 6.32e6),
+            ("10 * kPa", 632.0, 6.32e6),
+            ("0.1 bar abs", 642.132_5, 6.32e6),
+        ] {
+            assert!((pressure(text).unwrap().apply(value) - pa).abs() < 1.0, "{text}");
+            assert!(is_any_unit(text) && !is_unit(text), "{text}");
+        }
+        assert_eq!(share("0.1 %").unwrap().apply(675.0), 0.675);
+        for text in ["160 bar", "0 bar", "1.000 Pa", "1e5 Pa", "10^5 Pa", "bar x 10", "10", "-10 bar"] {
+            assert!(pressure(text).is_none(), "{text}");
+        }
+        assert!(share("100 %").is_none() && share("1").is_some());
+        assert_eq!(either_factor("[bar x 10]").unwrap(), ["0.1 bar", "10 bar"]);
+        assert_eq!(either_factor("ms*10").unwrap(), ["0.1 ms", "10 ms"]);
+        assert!(either_factor("max").is_none() && either_factor("valve x 2").is_none() && is_any_unit("0.1 ms"));
+    }
+
+    #[test]
+    fn names_may_say_that_a_pressure_is_absolute() {
+        for (name, unit, expected) in [
+            ("P_OIL_ABS [bar]", "bar", "bar abs"),
+            ("Öldruck absolut [bar]", "bar", "bar abs"),
+            ("Absolutdruck", "MPa", "MPa abs"),
+            ("OilPressureAbs", "kgf/cm2", "kgf/cm2 abs"),
+            ("油罐绝对压力(MPa)", "MPa", "MPa abs"),
+            ("P_OIL_ABS", "barg", "barg"),
+            ("P_OIL_ABS", "bara", "bara"),
+            ("P_OIL_ABS", "%", "%"),
+            ("Absperrventil Druck", "bar", "bar"),
+            ("p absperr", "bar", "bar"),
+            ("labs", "bar", "bar"),
+        ] {
+            assert_eq!(unit_by_name(name, unit), expected, "{name}");
+        }
+        assert!((pressure("bar abs").unwrap().apply(1.01325)).abs() < 1e-9);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! How a table is laid out, found out from its first lines: separator, decimal sign, where names, units and data stand.
 
-use super::convert::{is_unit, pressure};
+use super::convert::{is_any_unit, is_unit, pressure, with_factor};
 use super::map::FileMap;
 use super::number::{NumberCell, Numbers, groups};
 
@@ -73,7 +73,9 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
     let unit_row = |k: usize| {
         let filled: Vec<&String> = cells[k].iter().filter(|cell| !cell.is_empty()).collect();
         let units = filled.iter().filter(|cell| is_unit(cell) || cell.starts_with('[')).count();
-        units > 0 && 2 * units >= filled.len()
+        // A number before a unit is a factor beside units alone.
+        let scaled = filled.iter().filter(|cell| !is_unit(cell) && is_any_unit(cell)).count();
+        units > 0 && 2 * (units + scaled) >= filled.len()
     };
     let units_at = match map.unit_line {
         Some(line) => usize::try_from(line).ok().and_then(|line| line.checked_sub(1)),
@@ -200,10 +202,22 @@ pub(super) fn bracketed(name: &str) -> Option<(&str, &str)> {
         let found = [Some(open), outer]
             .into_iter()
             .flatten()
-            .find_map(|open| Some((open, inside(open).filter(|unit| is_unit(unit))?)));
+            .find_map(|open| Some((open, inside(open).filter(|unit| is_any_unit(unit))?)));
         return found.filter(|(open, _)| *open > 0).map(|(open, unit)| (name[..open].trim(), unit));
     }
+    let scaled = [" / ", ", ", " in "].iter().filter_map(|sign| name.rsplit_once(sign));
+    if let Some(found) = scaled.into_iter().find(|(_, unit)| with_factor(unit).0 != 1.0 && is_any_unit(unit)) {
+        return Some((found.0.trim(), found.1)).filter(|(bare, _)| !bare.is_empty());
+    }
     let (rest, unit) = name.rsplit_once([' ', '/', ','])?;
+    // `p 0.1 bar` and `t 10 ms`; `p 1 bar` is a name with a number.
+    let before =
+        rest.rsplit_once(' ').filter(|(_, word)| unit == "ms" || word.starts_with("0.") || word.starts_with("0,"));
+    if let Some((bare, unit)) =
+        before.map(|(bare, _)| (bare.trim(), name[bare.len()..].trim())).filter(|(_, unit)| is_any_unit(unit))
+    {
+        return Some((bare, unit)).filter(|(bare, _)| !bare.is_empty());
+    }
     // Letters that stand alone tell signals apart as well.
     let sure = (pressure(unit).is_some() && unit != "at") || ["%", "‰", "mm", "mA", "ms", "kPa"].contains(&unit);
     let rest = rest.trim_end();
@@ -340,6 +354,11 @@ mod tests {
         assert_eq!((quoted.separator, quoted.numbers.decimal), (b',', ','));
         let three = of("TAG1;TAG2\nTank pressure;Position\nbar;mm\n63;1\n63;2\n");
         assert_eq!((three.names, three.units), (vec!["TAG1".into(), "TAG2".into()], vec!["bar".into(), "mm".into()]));
+        let scaled = of("Time,cmd,servo,spool,p tank\n10 ms,%,%,%,0.1 bar\n0,1.5,1.5,1,632\n4,1,1,1,632\n");
+        assert_eq!(
+            (scaled.names[1].as_str(), scaled.units[0].as_str(), scaled.units[4].as_str()),
+            ("cmd", "10 ms", "0.1 bar")
+        );
         let groups = of("Regler;;Anlage\nt;u;p [bar]\n0;1;63\n1;1;63\n");
         assert_eq!((groups.names[1].as_str(), groups.units[2].as_str()), ("u", "bar"));
     }
@@ -363,6 +382,13 @@ mod tests {
             ("Weg in mm", Some(("Weg", "mm"))),
             ("Y, %", Some(("Y", "%"))),
             ("p/bar", Some(("p", "bar"))),
+            ("p tank [0.1 bar]", Some(("p tank", "0.1 bar"))),
+            ("Ticks (0.1 ms)", Some(("Ticks", "0.1 ms"))),
+            ("p / 10 kPa", Some(("p", "10 kPa"))),
+            ("p 0.1 bar", Some(("p", "0.1 bar"))),
+            ("t 10 ms", Some(("t", "10 ms"))),
+            ("p 2 bar", Some(("p 2", "bar"))),
+            ("p [bar x 10]", Some(("p", "bar x 10"))),
             ("Date/Time", None),
             ("gov/a", None),
             ("Y at", None),

@@ -1,7 +1,9 @@
 //! How the times of a file are written, found out from some of them; what may be meant two ways is not guessed.
 
-use super::{Format, words};
-use crate::import::convert::plain;
+use std::borrow::Cow;
+
+use super::{Format, whole_ns, words};
+use crate::import::convert::{either_factor, plain, with_factor};
 use crate::import::map::TimeMap;
 use crate::import::number::{NumberCell, Numbers};
 use crate::import::words::Words;
@@ -81,7 +83,8 @@ fn unknown_zone(texts: &[&String], numbers: &Numbers) -> Option<String> {
     let (_, word) = parted.clone().next()?;
     let bare: Vec<String> = parted.filter(|(_, other)| *other == word).map(|(local, _)| local.into_owned()).collect();
     let format = (bare.len() * 10 >= texts.len() * 9).then(|| detect(&bare, "", "", numbers).ok())??.format;
-    let pattern = if format == Format::Iso { "%Y-%m-%d %H:%M:%S%.f" } else { format.name() };
+    let name = format.name();
+    let pattern = if format == Format::Iso { "%Y-%m-%d %H:%M:%S%.f" } else { &name };
     Some(format!(
         "`{word}` behind the times means several zones, or none that is known; say which with `time: {{format: \"{pattern} {word}\", zone: …}}` in \
          the map"
@@ -147,8 +150,16 @@ const MOMENTS: [(&str, &str); 8] = [
     ("labview_s", "LabVIEW: seconds since 1904"),
 ];
 
-/// The unit that a text states: name in a map, unit in ns.
-fn stated(unit: &str) -> Option<(&'static str, i64)> {
+/// The unit that a text states: name in a map, with the factor before it, and unit in ns.
+fn stated(unit: &str) -> Option<(Cow<'static, str>, i64)> {
+    let (factor, bare) = with_factor(unit);
+    let (name, unit_ns) = plain_unit(bare)?;
+    let unit_ns = whole_ns(factor, unit_ns)?;
+    Some((if factor == 1.0 { name.into() } else { format!("{factor} {name}").into() }, unit_ns))
+}
+
+/// The unit that a text without a factor states.
+fn plain_unit(unit: &str) -> Option<(&'static str, i64)> {
     Some(match plain(unit).as_str() {
         "s" | "sec" | "secs" | "second" | "seconds" | "sekunden" | "sek" => ("seconds", 1_000_000_000),
         "ms" | "msec" | "millis" | "millisecond" | "milliseconds" | "millisekunden" => ("milliseconds", 1_000_000),
@@ -164,7 +175,23 @@ fn stated(unit: &str) -> Option<(&'static str, i64)> {
 fn in_name(name: &str) -> Option<(&'static str, i64)> {
     let lower = name.to_lowercase();
     let mut words = lower.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !["min", "h"].contains(word));
-    words.find_map(stated)
+    words.find_map(plain_unit)
+}
+
+/// What to say of a unit in a header that has a number in a way that is not understood.
+fn unclear(name: &str, unit: &str) -> Option<String> {
+    let inside =
+        name.trim().strip_suffix([']', ')']).and_then(|rest| rest.rsplit_once(['[', '('])).map(|(_, inside)| inside);
+    let unit = if unit.is_empty() { inside? } else { unit };
+    let has_number =
+        unit.contains(|letter: char| letter.is_numeric()) && in_name(unit).or_else(|| plain_unit(unit)).is_some();
+    let meant = either_factor(unit).map(|[one, other]| format!(", which may mean {one} or {other}"));
+    (has_number || meant.is_some()).then(|| {
+        format!(
+            "column `{name}`: its header says `{unit}`{}; say how it counts with `time: {{format: …}}` in the map, such as `0.1 milliseconds`",
+            meant.unwrap_or_else(|| ", which is not understood".to_owned())
+        )
+    })
 }
 
 /// Fixed moments from which such counts fall into the years of recordings.
@@ -208,9 +235,13 @@ fn number(values: &[f64], name: &str, unit: &str) -> Result<Detected, String> {
         return asked("the clock of GPS counts from 1980 and has no leap seconds");
     }
     // What the header says counts before the size of the numbers.
-    if let Some((words, unit_ns)) = stated(unit).or_else(|| in_name(name)) {
+    let of_unit = stated(unit);
+    if let (None, Some(problem)) = (&of_unit, unclear(name, unit)) {
+        return Err(problem);
+    }
+    if let Some((words, unit_ns)) = of_unit.or_else(|| in_name(name).map(|(words, unit_ns)| (words.into(), unit_ns))) {
         return match &moments(first, Some(unit_ns))[..] {
-            [] => apart(Format::Relative { unit_ns }, words, STATED_STEP_S, &format!("the header says {words}")),
+            [] => apart(Format::Relative { unit_ns }, &words, STATED_STEP_S, &format!("the header says {words}")),
             [(format, since), ..] => {
                 let why = format!("the header says {words}, and numbers of this size are {since}");
                 apart(format.clone(), since, STATED_STEP_S, &why)
@@ -308,6 +339,12 @@ mod tests {
             // Counters since the device was switched on: 10 days of milliseconds, 80 minutes of microseconds.
             (["900000000", "900000040", "900000080"], "ms", "milliseconds"),
             (["4800000000", "4800040000", "4800080000"], "us", "microseconds"),
+            (["0", "400", "800"], "0.1 ms", "0.1 milliseconds"),
+            (["0", "400", "800"], "0,1 ms", "0.1 milliseconds"),
+            (["4294960000", "4294960400", "4294960800"], "100us", "0.1 milliseconds"),
+            (["0", "4", "8"], "x10 ms", "10 milliseconds"),
+            (["0", "400000", "800000"], "100 ns", "0.0001 milliseconds"),
+            (["134345759000000000", "134345759000400000", "134345759000800000"], "100 ns", "filetime"),
             (["1714636800250", "1714636800260", "1714636800270"], "ms", "unix_ms"),
             (["1714636800.25", "1714636800.26", "1714636800.27"], "s", "unix_s"),
         ] {
@@ -333,6 +370,14 @@ mod tests {
             (["open", "close", "open"], "expected times, found `open`"),
         ] {
             let error = of(&texts, "").unwrap_err();
+            assert!(error.contains(words) && error.contains("time: {"), "{error}");
+        }
+        for (unit, words) in [
+            ("ms x 10", "`ms x 10`, which may mean 0.1 ms or 10 ms"),
+            ("10^-4 s", "`10^-4 s`, which is not understood"),
+            ("1/10 ms", "`1/10 ms`, which is not understood"),
+        ] {
+            let error = of(&["0", "4", "8"], unit).unwrap_err();
             assert!(error.contains(words) && error.contains("time: {"), "{error}");
         }
     }

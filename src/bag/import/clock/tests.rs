@@ -26,6 +26,8 @@ fn one_moment_is_read_from_every_format() {
         ("labview_s", None, None, "3797481600.25"),
         ("seconds", None, Some("2024-05-02T08:00:00Z"), "0.25"),
         ("milliseconds", Some("Europe/Zurich"), Some("2024-05-02T10:00:00"), "250"),
+        ("0.1 milliseconds", None, Some("2024-05-02T08:00:00Z"), "2500"),
+        ("0.0001 milliseconds", None, Some("2024-05-02T08:00:00Z"), "2500000"),
         ("excel", Some("Europe/Zurich"), None, "45414.4166695602"),
         ("matlab", None, None, "739374.333336227"),
         ("%d.%m.%Y %H:%M:%S%.f", Some("Europe/Zurich"), None, "02.05.2024 10:00:00.250"),

@@ -1,8 +1,9 @@
 //! Whether units and signs can be meant: ranges that no governor has, and signals that go against each other.
 
 use crate::correlation::Correlation;
+use crate::import::convert::pressure;
 use crate::import::row::{ImportedRow, Target};
-use crate::qualification::{PRESSURES_PA, TANK_PA, unit_of_pressure};
+use crate::qualification::{TANK_PA, unit_of_pressure};
 use govtwin_model::units::seconds_from_nanos;
 
 /// The least correlation between spool and servomotor speed that decides on a sign.
@@ -57,9 +58,8 @@ pub(super) fn unit(target: Target, range: &Range, mapped: &str, ranged: bool) ->
             if TANK_PA.contains(&most) {
                 return None;
             }
-            // What the file holds, where the unit is one of those tried.
-            let factor =
-                PRESSURES_PA.iter().find(|(name, _)| name.eq_ignore_ascii_case(mapped)).map_or(1.0, |(_, pa)| *pa);
+            // What the file holds.
+            let factor = pressure(mapped).map_or(1.0, |unit| unit.apply(1.0) - unit.apply(0.0));
             let hint = unit_of_pressure(most / factor).filter(|_| !ranged);
             let hint = hint.map_or(String::new(), |name| format!("; is it in {name}? then give `unit: {name}`"));
             Some(format!(

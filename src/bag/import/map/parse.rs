@@ -2,7 +2,7 @@
 
 use super::reader::{Pairs, Reader, with};
 use super::{Map, Repeated, SignalMap, SignalPlace, TripRule};
-use crate::import::convert::{UnitConversion, plain, pressure, share, units_of};
+use crate::import::convert::{UnitConversion, either_factor, plain, pressure, share, units_of};
 use crate::import::lines::Between;
 use crate::import::row::Target;
 use crate::import::words::Words;
@@ -235,8 +235,11 @@ impl<'a> Reader<'a> {
             conversion.unit = UnitConversion::ONE;
         } else {
             let known = units_of(target);
-            let found = plain(&signal.unit);
-            self.say(&with(path, "unit"), format!("`{found}` is no unit of it that is known; expected one of {known}"));
+            let problem = match either_factor(&signal.unit) {
+                Some([first, other]) => format!("`{}` may mean {first} or {other}; give one of these", signal.unit),
+                None => format!("`{}` is no unit of it that is known; expected one of {known}", plain(&signal.unit)),
+            };
+            self.say(&with(path, "unit"), problem);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::import::convert::{UnitConversion, plain, pressure, share};
+use crate::import::convert::{UnitConversion, either_factor, plain, pressure, share};
 use crate::import::dialect::bracketed;
 use crate::import::map::{AS_RECORDED, SignalMap};
 use crate::import::number::Numbers;
@@ -14,7 +14,7 @@ use govtwin_model::params::nearest;
 const TIMES: Words = Words(
     "timestamp|__time|_time|x_value|time|t|time stamp|datetime|date_time|date/time|date time|datum/zeit|zeitstempel|zeit|uhrzeit|horodatage|\
      heure|temps|fecha|tiempo|ora|time_s|t_s|time_ns|#time|timestring|data/hora|data e hora|fecha/hora|fecha y hora|tempo|hora|tid|tidspunkt|\
-     tidpunkt|czas|aika|время|дата/время|дата и время|时间|日期时间|時刻|date|datum|index",
+     tidpunkt|czas|aika|время|дата/время|дата и время|时间|日期时间|時刻|date|datum|tick|ticks|index",
 );
 /// Names of columns that hold a date beside a column of the time of day.
 const DATES: Words = Words("date|datum|fecha|dato|дата|日期");
@@ -202,20 +202,28 @@ pub(in crate::import) fn hint(text: &str, numbers: &Numbers) -> String {
 }
 
 /// The signal with the unit that its column's header states, where the map states none; where both do and differ, a warning.
+///
+/// # Errors
+/// In words, where the header's unit may be meant two ways.
 pub(super) fn with_header_unit(
     one: &SignalMap,
     stated: &str,
     notes: &mut Vec<String>,
     warnings: &mut Vec<String>,
-) -> SignalMap {
+) -> Result<SignalMap, String> {
     let mut one = one.clone();
     let read = |text: &str| if one.target.is_pressure() { pressure(text) } else { share(text) };
     let id = one.target.id();
     if stated.is_empty() || one.target == Target::Esv || one.unit == AS_RECORDED {
-        return one;
+        return Ok(one);
     }
     if one.unit.is_empty() {
         let takes_unit = one.conversion.range.is_none() || one.conversion.to != [0.0, 1.0];
+        if let (true, Some([first, other])) = (takes_unit, either_factor(stated)) {
+            return Err(format!(
+                "{id}: its header says `{stated}`, which may mean {first} or {other}; say which with `unit: \"{first}\"` in the map"
+            ));
+        }
         match read(stated) {
             Some(unit) if takes_unit => {
                 if unit != UnitConversion::ONE {
@@ -237,5 +245,5 @@ pub(super) fn with_header_unit(
         let mapped = plain(&one.unit);
         warnings.push(format!("{id}: its header says `{stated}`, the map `{mapped}`; the map counts"));
     }
-    one
+    Ok(one)
 }

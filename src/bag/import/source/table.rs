@@ -14,6 +14,7 @@ use super::records::TableRecords;
 use super::timing::{TimeGroup, Timing, own_times, timing};
 use super::{Source, SourceNotes};
 use crate::import::ImportError;
+use crate::import::convert::unit_by_name;
 use crate::import::dialect::bracketed;
 use crate::import::map::{Map, Repeated, SignalMap, SignalPlace, TimeMap};
 use crate::import::row::ImportedRow;
@@ -102,8 +103,10 @@ impl<R: TableRecords> TableSource<R> {
                 continue;
             };
             let group = times.iter().rposition(|group| group.is_of(index)).unwrap_or(0);
-            let channel = SourceChannel::without_latch(signal, one).in_unit(stated);
-            let one = with_header_unit(one, stated, &mut head.notes, &mut warnings);
+            let whole = if one.target.is_pressure() { head.names.get(index).unwrap_or(name) } else { "" };
+            let stated = unit_by_name(whole, stated);
+            let channel = SourceChannel::without_latch(signal, one).in_unit(&stated);
+            let one = with_header_unit(one, &stated, &mut head.notes, &mut warnings).map_err(wrong)?;
             columns.push(SignalColumn { index, group, channel: channel.by(one), quality: None, not_good: 0 });
         }
         if !note.is_empty() {
@@ -226,7 +229,7 @@ impl<R: TableRecords> TableSource<R> {
             let alone = self.head.names.iter().filter(|other| *other == name).count() == 1;
             if alone { name.clone() } else { format!("#{}", column + 1) }
         };
-        let format = Some(main.clock.format().name().to_owned()).filter(|name| !name.is_empty() && !main.native);
+        let format = Some(main.clock.format().name().into_owned()).filter(|name| !name.is_empty() && !main.native);
         (all, TimeMap { columns: main.columns.iter().map(name).collect(), format, ..map.time.clone() })
     }
 

@@ -1,7 +1,7 @@
 //! One column of a file that nobody has mapped: what it holds, in memory that does not grow with the file.
 
 use super::names;
-use crate::import::convert::plain;
+use crate::import::convert::{plain, unit_by_name};
 use crate::import::dialect::bracketed;
 use crate::import::findings::Range;
 use crate::import::source::channel::ChannelValue;
@@ -153,13 +153,13 @@ pub struct SuggestedColumn {
 
 impl SuggestedColumn {
     pub(super) fn new(name: &str, unit: &str) -> Self {
-        let unit =
-            if unit.is_empty() { bracketed(name).map_or_else(|| names::unit(name), |(_, unit)| unit) } else { unit };
+        let in_name = || bracketed(name).map_or_else(|| names::unit(name), |(_, unit)| unit);
+        let unit = if unit.is_empty() { in_name() } else { unit };
         // `min` of a signal is no unit.
         let of_unit = names::figure(unit);
         Self {
             name: name.to_owned(),
-            unit: if of_unit == names::Figure::Value { unit } else { "" }.to_owned(),
+            unit: unit_by_name(name, if of_unit == names::Figure::Value { unit } else { "" }),
             figure: names::figure(name).max(of_unit),
             range: Range::default(),
             texts: 0,

@@ -3,7 +3,7 @@
 use super::column::SuggestedColumn;
 use super::names::{Figure, figure, tag, words};
 use super::trip::{TripSign, running_states, sign_of_trip};
-use crate::import::convert::{plain, pressure, share};
+use crate::import::convert::{either_factor, plain, pressure, share, unit_by_name};
 use crate::import::map::{SignalMap, SignalPlace, TripRule};
 use crate::import::row::Target;
 use crate::import::words::Words;
@@ -49,14 +49,9 @@ pub(super) fn signal(
             } else if pressure(&column.unit).is_some() {
                 signal.unit.clone_from(&column.unit);
             } else {
-                let stated = unknown_unit(&column.name)
-                    .map_or("the file states no unit".to_owned(), |unit| format!("its unit `{unit}` is not known"));
-                let (unit, looks) = match unit_of_pressure(most) {
-                    Some(unit) => (unit, format!("looks like {unit}")),
-                    None => ("Pa", "is none of a governor's oil in any; give it".to_owned()),
-                };
-                unit.clone_into(&mut signal.unit);
-                open.push(format!("{id}: {stated}; up to {} {looks}", rounded(most)));
+                let (unit, told) = guessed_pressure(column, most);
+                signal.unit = unit;
+                open.push(format!("{id}: {told}"));
             }
         }
         _ => {
@@ -171,6 +166,29 @@ fn unknown_unit(name: &str) -> Option<&str> {
     let is_unit =
         |one: &(&str, &str)| [one.0, one.1].iter().all(|part| !tag(part).is_empty()) && figure(one.1) == Figure::Value;
     inside.filter(is_unit).map(|(_, unit)| unit.trim()).filter(|unit| unit.contains(char::is_alphabetic))
+}
+
+/// The unit of a pressure that its file does not state in a known way, by the greatest number, and what to say of it.
+fn guessed_pressure(column: &SuggestedColumn, most: f64) -> (String, String) {
+    let stated = unknown_unit(&column.name)
+        .map_or("the file states no unit".to_owned(), |unit| format!("its unit `{unit}` is not known"));
+    let likely = match either_factor(&column.unit) {
+        Some(either) => usual_of(&either, most),
+        None => unit_of_pressure(most).map(str::to_owned),
+    };
+    let likely = likely.map(|unit| unit_by_name(&column.name, &unit));
+    let none = || "is none of a governor's oil in any; give it".to_owned();
+    let looks = likely.as_ref().map_or_else(none, |unit| format!("looks like {unit}"));
+    (likely.unwrap_or_else(|| "Pa".to_owned()), format!("{stated}; up to {} {looks}", rounded(most)))
+}
+
+/// The first of two units in which a number is a usual tank pressure.
+fn usual_of(units: &[String; 2], number: f64) -> Option<String> {
+    let is_usual = |unit: &&String| {
+        let pa = pressure(unit).map(|unit| unit.apply(number));
+        pa.is_some_and(|pa| unit_of_pressure(pa) == Some("Pa"))
+    };
+    units.iter().find(is_usual).cloned()
 }
 
 /// The range of a current up to 20 mA, in the unit of the column.

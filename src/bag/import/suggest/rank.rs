@@ -8,7 +8,7 @@ use super::propose::{may_count_closing, rounded, signal};
 use super::relations::{Relation, WEAKEST, pairs, relations};
 use super::trio::best_trio;
 use super::trip::{TripSign, sign_of_trip};
-use crate::import::convert::{is_travel, pressure, share};
+use crate::import::convert::{is_pressure, is_travel, share};
 use crate::import::map::{Map, SignalMap, SignalPlace};
 use crate::import::row::Target;
 use crate::qualification::unit_of_pressure;
@@ -295,7 +295,7 @@ fn evidence(column: &SuggestedColumn, target: Target) -> (f64, Vec<String>) {
     if column.range.count == 0 && column.texts == 0 {
         return (f64::NEG_INFINITY, why);
     }
-    let is_pressure = pressure(&column.unit).is_some();
+    let is_pressure = is_pressure(&column.unit);
     if is_pressure && target.is_pressure() {
         sum += 2.0;
         why.push(format!("its unit {}", column.unit));
