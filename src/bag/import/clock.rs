@@ -154,6 +154,7 @@ impl Format {
 }
 
 /// So many of a unit, ns, where they are a whole number of ns.
+#[expect(clippy::cast_possible_truncation, reason = "whole and below 3e15")]
 fn whole_ns(factor: f64, unit_ns: i64) -> Option<i64> {
     let product_ns = factor * unit_ns as f64;
     let whole = product_ns.round();

@@ -171,7 +171,8 @@ fn is_times(letter: char) -> bool {
 fn number_before(text: &str) -> Option<(f64, &str)> {
     let end = text.find(|letter: char| !letter.is_ascii_digit() && !".,".contains(letter)).unwrap_or(text.len());
     let digits = text[..end].replace(',', ".");
-    let is_group = digits.split_once('.').is_some_and(|(whole, part)| part.len() == 3 && whole.trim_matches('0') != "");
+    let is_group =
+        digits.split_once('.').is_some_and(|(whole, part)| part.len() == 3 && !whole.trim_matches('0').is_empty());
     let number = digits.parse::<f64>().ok().filter(|number| *number > 0.0 && number.is_finite() && !is_group)?;
     Some((number, &text[end..]))
 }

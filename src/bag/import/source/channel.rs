@@ -57,9 +57,8 @@ pub(in crate::import) struct SourceChannel {
     pub(in crate::import) broken: Bad,
     /// Of such a transmitter: what makes its values mA.
     to_ma: Option<f64>,
-    /// Of the ESV: the first two states, until one means a trip.
-    states: Vec<String>,
-    trips: bool,
+    /// Of the ESV: the first two states, of which none means a trip; none once one did.
+    states: Option<Vec<String>>,
 }
 
 /// What a transmitter of 4 to 20 mA gives while it is sound (NAMUR NE 43), mA.
@@ -78,8 +77,7 @@ impl SourceChannel {
             bad,
             broken,
             to_ma,
-            states: Vec::new(),
-            trips: false,
+            states: Some(Vec::new()),
         }
     }
 
@@ -108,38 +106,29 @@ impl SourceChannel {
         self.latched |= self.keeps_latch;
     }
 
-    /// Keeps the first two states of an ESV.
-    fn see_state(&mut self, value: ChannelValue<'_>) {
-        if self.trips || self.states.len() > 1 {
+    /// Keeps the first two states of an ESV until it trips.
+    fn see_state(&mut self, value: ChannelValue<'_>, tripped: bool) {
+        let Some(states) = self.states.as_mut().filter(|_| !tripped) else {
+            self.states = None;
             return;
-        }
+        };
         let state = match value {
+            _ if states.len() > 1 => return,
             ChannelValue::Text(text) => text.trim().to_owned(),
             ChannelValue::Number(number) => number.to_string(),
             _ => return,
         };
-        if !self.states.contains(&state) {
-            self.states.push(state);
+        if !states.contains(&state) {
+            states.push(state);
         }
     }
 
     /// Two states of an ESV of which the map calls none a trip, in words; a number may stay on one side of a level.
     pub(in crate::import) fn never_trips(&self) -> Option<String> {
-        let [one, other] = &self.states[..] else { return None };
-        let words: Vec<String> = self.map.shutdown.iter().map(|rule| self.in_words(rule)).collect();
-        (!self.trips && words.iter().all(|words| !words.is_empty()))
-            .then(|| format!("changes from `{one}` to `{other}`, and no cell is {}", words.join(" or ")))
-    }
-
-    /// A rule that none of the states could have met by its number alone.
-    fn in_words(&self, rule: &TripRule) -> String {
-        let is_number = |state: &String| truth(state).is_some() || state.parse::<f64>().is_ok();
-        match rule {
-            TripRule::Is(text) => format!("`{text}`"),
-            TripRule::Above(_) | TripRule::Below(_) if self.states.iter().any(is_number) => String::new(),
-            TripRule::Above(level) => format!("a number above {level}"),
-            TripRule::Below(level) => format!("a number below {level}"),
-        }
+        let states @ [one, other] = self.states.as_deref()? else { return None };
+        let words: Vec<String> = self.map.shutdown.iter().map(|rule| missed(rule, states)).collect();
+        let all = words.iter().all(|words| !words.is_empty());
+        all.then(|| format!("changes from `{one}` to `{other}`, and no cell is {}", words.join(" or ")))
     }
 
     /// Puts a value into a row.
@@ -154,8 +143,7 @@ impl SourceChannel {
         }
         if self.map.target == Target::Esv {
             let tripped = self.map.shutdown.iter().any(|event| happens(event, value));
-            self.trips |= tripped;
-            self.see_state(value);
+            self.see_state(value, tripped);
             self.latched |= tripped && self.keeps_latch;
             row.set(Target::Esv, if tripped || self.latched { 0.0 } else { 1.0 });
             return;
@@ -203,6 +191,17 @@ fn current(map: &SignalMap, stated: &str) -> Option<f64> {
     let plain_range = stated.is_empty() || pressure(&stated).is_some();
     let found = if in_current { inside && ends.iter().any(is_end) } else { plain_range && ends == [4.0, 20.0] };
     found.then_some(to_ma)
+}
+
+/// A rule that no state met, in words; none of a level on whose other side numbers lie.
+fn missed(rule: &TripRule, states: &[String]) -> String {
+    let is_number = |state: &String| truth(state).is_some() || state.parse::<f64>().is_ok();
+    match rule {
+        TripRule::Is(text) => format!("`{text}`"),
+        TripRule::Above(_) | TripRule::Below(_) if states.iter().any(is_number) => String::new(),
+        TripRule::Above(level) => format!("a number above {level}"),
+        TripRule::Below(level) => format!("a number below {level}"),
+    }
 }
 
 /// Whether a cell says that an event happens.
