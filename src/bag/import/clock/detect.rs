@@ -2,7 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::{Format, whole_ns, words};
+use super::format::whole_ns;
+use super::{Format, words};
 use crate::import::convert::{either_factor, plain, with_factor};
 use crate::import::map::TimeMap;
 use crate::import::number::{NumberCell, Numbers};

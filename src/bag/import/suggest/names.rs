@@ -21,7 +21,7 @@ const NOT_OF_TANK: Words = Words("load|differential|difference|diff|delta|dp|rod
 
 /// Words of other places that have a pressure, in any part of a name where they are long; they speak against both pressures.
 const ELSEWHERE: Words = Words(
-    "penstock|spiral|draft|sump|bearing|cooling|druckrohr|saugrohr|conduite|head|headrace|headwater|tail|tailrace|tailwater|water|wasser|lager",
+    "penstock|spiral|draft|sump|bearing|cooler|druckrohr|saugrohr|conduite|head|headrace|headwater|tail|tailrace|tailwater|water|wasser|lager",
 );
 
 /// Words that say that a column is what is asked for, whatever else it says.
@@ -267,7 +267,7 @@ mod tests {
             ("STDDEV(Y_SP)", Figure::Spread),
             ("Y_SP [%]", Figure::Value),
             ("Speed [1/min]", Figure::Value),
-            ("cooling l/min", Figure::Value),
+            ("flow l/min", Figure::Value),
             ("Y [mm/min]", Figure::Value),
             ("Kolben [mm]", Figure::Value),
             ("minor loop", Figure::Value),
