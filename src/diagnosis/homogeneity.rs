@@ -1,6 +1,6 @@
 //! Whether the recordings agree: the same parameters must fit each of them, or they are not of one unit.
 
-use crate::estimation::fit::{Effort, fit, fit_all};
+use crate::estimation::fit::{Effort, fit};
 use crate::hypotheses::Explored;
 use crate::hypotheses::profile::{fitted_best, profiles};
 use crate::likelihood::problem::Problem;
@@ -97,8 +97,8 @@ fn searched(problem: &Problem, refitted: &FittedModel, catalogue: &[&'static Eff
     let sheet = FittedModel::sheet(&part, &refitted.base, &refitted.free_parameters);
     let places = profiles(&part, &sheet, catalogue, without.model.cost());
     let found = fitted_best(&part, &sheet, catalogue, &places).map(|found| {
-        let fit = fit_all(&part, &[found.onwards(ALONE)]).remove(0);
-        found.or_better(fit)
+        let FittedModel { base, free_parameters, fit: first, .. } = &found;
+        found.or_better(fit(&part, base, free_parameters, &first.positions, ALONE, Some(&first.slopes)))
     });
     match found.filter(|found| found.cost() + STRANGE < without.model.cost()) {
         Some(model) => Part { model, ..without },
