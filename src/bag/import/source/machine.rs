@@ -16,25 +16,30 @@ pub(super) struct MachineLook {
     rows: u64,
 }
 
-/// `U03` is `u3`.
-fn plain(text: &str) -> (String, &str) {
+/// A name in one spelling of all: `U03` is `u3`.
+fn one_spelling(text: &str) -> (String, &str) {
     let digits = text.trim_start_matches(|letter: char| !letter.is_ascii_digit());
     (text[..text.len() - digits.len()].to_lowercase(), digits.trim_start_matches('0'))
 }
 
 impl MachineLook {
     pub(super) fn take(&mut self, text: &str) {
+        // So many are no machines, whatever comes.
+        if self.found.len() >= MOST {
+            return;
+        }
         let text = text.trim();
         self.rows += 1;
-        if text != self.last && plain(text) != plain(&self.last) {
+        if text != self.last && one_spelling(text) != one_spelling(&self.last) {
             self.changes += 1;
             text.clone_into(&mut self.last);
         }
-        if let Some((_, count)) = self.found.iter_mut().find(|(known, _)| known == text || plain(known) == plain(text))
-        {
-            *count += 1;
-        } else if self.found.len() < MOST {
-            self.found.push((text.to_owned(), 1));
+        let as_written = self.found.iter().position(|(known, _)| known == text);
+        let place =
+            as_written.or_else(|| self.found.iter().position(|(known, _)| one_spelling(known) == one_spelling(text)));
+        match place {
+            Some(place) => self.found[place].1 += 1,
+            None => self.found.push((text.to_owned(), 1)),
         }
     }
 
