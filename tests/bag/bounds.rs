@@ -1,6 +1,7 @@
 //! What a bag says of itself costs no more than what it holds, and leads nowhere else.
 
 use std::fs;
+use std::path::PathBuf;
 
 use govtwin_bag::{self as bag, BagError, ReadOptions, Warning};
 use mcap::WriteOptions;
@@ -17,6 +18,15 @@ fn folder(names: &[&str]) -> tempfile::TempDir {
     folder
 }
 
+/// A folder of somebody else, with a bag and a secret.
+fn strangers() -> (tempfile::TempDir, PathBuf, PathBuf) {
+    let other = tempfile::tempdir().unwrap();
+    let [outside, secret] = ["outside.mcap", "secret"].map(|name| other.path().join(name));
+    fs::write(&outside, Bag::standard(5).bytes(WriteOptions::new())).unwrap();
+    fs::write(&secret, "root:x:0:0:very secret\n").unwrap();
+    (other, outside, secret)
+}
+
 #[test]
 fn a_file_that_is_named_again_is_read_once() {
     let many = vec!["a.mcap"; 2000];
@@ -29,11 +39,7 @@ fn a_file_that_is_named_again_is_read_once() {
 
 #[test]
 fn names_that_lead_out_of_the_folder_are_not_followed() {
-    let other = tempfile::tempdir().unwrap();
-    let outside = other.path().join("outside.mcap");
-    fs::write(&outside, Bag::standard(5).bytes(WriteOptions::new())).unwrap();
-    let secret = other.path().join("secret");
-    fs::write(&secret, "root:x:0:0:very secret\n").unwrap();
+    let (other, outside, secret) = strangers();
     for name in [outside.to_str().unwrap(), "../outside.mcap", "sub/../../outside.mcap", secret.to_str().unwrap()] {
         let folder = folder(&["a.mcap", name]);
         let loaded = bag::read(folder.path(), &ReadOptions::default()).unwrap();
@@ -63,11 +69,7 @@ fn names_that_lead_out_of_the_folder_are_not_followed() {
 #[cfg(unix)]
 #[test]
 fn a_file_linked_into_the_folder_is_read() {
-    let other = tempfile::tempdir().unwrap();
-    let outside = other.path().join("outside.mcap");
-    fs::write(&outside, Bag::standard(5).bytes(WriteOptions::new())).unwrap();
-    let secret = other.path().join("secret");
-    fs::write(&secret, "root:x:0:0:very secret\n").unwrap();
+    let (_other, outside, secret) = strangers();
     for names in [&["link.mcap"][..], &[]] {
         let folder = if names.is_empty() { tempfile::tempdir().unwrap() } else { folder(names) };
         std::os::unix::fs::symlink(&outside, folder.path().join("link.mcap")).unwrap();
