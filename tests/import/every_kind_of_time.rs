@@ -40,6 +40,25 @@ pub(super) fn times(cases: &mut Cases) {
         }),
         Right,
     );
+    let behind_colon = |part: &str, row: &Truth| format!("{}:{part}", &iso(row)[11..19]);
+    cases.add(
+        KIND,
+        "a time of day with ms behind a colon",
+        headed("Time", &|row| behind_colon(&iso(row)[20..23], row)),
+        Right,
+    );
+    cases.add(
+        KIND,
+        "ms without zeros behind a colon",
+        headed("Time", &|row| behind_colon(&iso(row)[20..23].parse::<u16>().unwrap().to_string(), row)),
+        Right,
+    );
+    cases.add(
+        KIND,
+        "hundredths behind a colon",
+        headed("Time", &|row| behind_colon(&iso(row)[20..22], row)),
+        Refused("milliseconds, or a fraction?"),
+    );
     let parted = |header: &str, second: &dyn Fn(&str) -> String, width: usize, pad: usize| {
         let header = HEADER.replace("Timestamp", header);
         wide(

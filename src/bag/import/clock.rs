@@ -1,9 +1,12 @@
 //! Time as files write it: ISO 8601, patterns, epochs, Excel serials, seconds from a start; local times by their zone.
 
+mod colon;
 mod detect;
 mod format;
 mod words;
 mod zone;
+
+use std::borrow::Cow;
 
 use jiff::Timestamp;
 use jiff::civil::{Date, DateTime, Time};
@@ -140,7 +143,7 @@ impl TimeReader {
                     decimal_ns(&self.numbers.plain(text), DAY_NS / 1000).ok_or_else(|| wanted(&self.format))?;
                 self.matlab(days_ns)?
             }
-            Format::Iso => self.iso(text)?,
+            Format::Iso => self.iso(&colon::with_point(text))?,
             Format::Pattern(_) => self.pattern(text)?,
         };
         self.newest_ns = self.newest_ns.max(Some(time_ns));
@@ -216,8 +219,9 @@ impl TimeReader {
         self.offset = with_zone.as_ref().map(|(_, offset)| *offset);
         let text = with_zone.as_ref().map_or(text, |(local, _)| local);
         let pattern = literal.as_deref().filter(|_| with_zone.is_some()).unwrap_or(pattern);
+        let text = if pattern.contains(":%f") { Cow::Borrowed(text) } else { colon::with_point(text) };
         let comma = !pattern.contains(',') && text.contains(',');
-        let plain = if comma { text.replace(',', ".") } else { text.to_owned() };
+        let plain = if comma { text.replace(',', ".") } else { text.into_owned() };
         let in_words = pattern.contains("%b") || pattern.contains("%p");
         let plain = if in_words { words::english(&plain) } else { plain };
         let parts = BrokenDownTime::parse(pattern, &plain).map_err(|_| match words::with_unknown_zone(whole) {

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::format::whole_ns;
-use super::{Format, words};
+use super::{Format, colon, words};
 use crate::import::convert::{either_factor, plain, with_factor};
 use crate::import::map::TimeMap;
 use crate::import::number::{NumberCell, Numbers};
@@ -12,7 +12,7 @@ use crate::import::words::Words;
 /// Patterns that are tried, the more special first; of the last two only one may fit.
 const PATTERNS: Words = Words(
     "%Y-%m-%d %H:%M:%S%.f %z|%Y/%m/%d %H:%M:%S%.f|%Y.%m.%d %H:%M:%S%.f|%Y%m%dT%H%M%S%.f|%Y%m%d %H:%M:%S%.f|%Y%m%d %H%M%S%.f|%Y-%m-%d %H:%M|\
-     %d.%m.%Y %H:%M:%S%.f|%d.%m.%y %H:%M:%S%.f|%d.%m.%Y %H:%M:%S:%f|%Y-%m-%d %H:%M:%S:%f|%d.%m.%Y %H:%M|%d.%m.%y %H:%M|%d-%m-%Y %H:%M:%S%.f|\
+     %d.%m.%Y %H:%M:%S%.f|%d.%m.%y %H:%M:%S%.f|%d.%m.%Y %H:%M|%d.%m.%y %H:%M|%d-%m-%Y %H:%M:%S%.f|\
      %d-%b-%Y %H:%M:%S%.f|%d-%b-%y %H:%M:%S%.f|%d-%b-%y %I.%M.%S%.f %p|%a, %d %b %Y %H:%M:%S%.f %z|%d %b %Y %H:%M:%S%.f|%b %d, %Y %I:%M:%S%.f %p|\
      %b %d %Y %I:%M:%S%.f %p|%a %b %d %H:%M:%S%.f %Y|%Y年%m月%d日 %H:%M:%S%.f|%Y年%m月%d日%H时%M分%S%.f秒|%Y/%m/%d %p %I:%M:%S%.f|%Y-%jT%H:%M:%S%.f|%H:%M:%S%.f|%M:%S.%f|\
      %m/%d/%Y %I:%M:%S%.f %p|%d/%m/%Y %I:%M:%S%.f %p|%m/%d/%Y %H:%M:%S%.f|%d/%m/%Y %H:%M:%S%.f|%m/%d/%Y %H:%M|%d/%m/%Y %H:%M|\
@@ -56,6 +56,9 @@ pub(in crate::import) fn detect(
         let read = texts.iter().filter(|text| clock.read(text).is_ok()).count();
         (read * 10 >= texts.len() * 9 && read > 0).then_some(())
     };
+    if let Some(problem) = colon::unclear(texts.iter().map(|text| text.as_str())) {
+        return Err(format!("column `{name}`, `{example}`: {problem}"));
+    }
     let found = |format: Format| {
         let why = format!("`{example}` is read as {}", format.name());
         Ok(Detected { format, why })
@@ -317,6 +320,8 @@ mod tests {
             (["02-May-2024 10:00:00", "02-May-2024 10:00:01", "02-May-2024 10:00:02"], "", "%d-%b-%Y %H:%M:%S%.f"),
             (["10:00:00.1", "10:00:00.2", "10:00:00.3"], "", "%H:%M:%S%.f"),
             (["59:59.9", "00:00.0", "00:00.1"], "", "%M:%S.%f"),
+            (["18:05:00:000", "18:05:00:040", "18:05:00:080"], "", "%H:%M:%S%.f"),
+            (["22.09.2026 18:05:00:0", "22.09.2026 18:05:00:40", "22.09.2026 18:05:00:120"], "", "%d.%m.%Y %H:%M:%S%.f"),
             (["22. Mai 2026 10:00:00", "22. Mai 2026 10:00:01", "22. Mai 2026 10:00:02"], "", "%d %b %Y %H:%M:%S%.f"),
             (["22/9/2026 1:00:00 p. m.", "22/9/2026 1:00:01 p. m.", ""], "", "%d/%m/%Y %I:%M:%S%.f %p"),
             (["13/05/24 10:00:00", "13/05/24 10:00:01", "13/05/24 10:00:02"], "", "%d/%m/%y %H:%M:%S%.f"),
@@ -368,6 +373,7 @@ mod tests {
                 "`IST` behind the times means several zones, or none that is known; say which with `time: {format: \"%Y-%m-%d %H:%M:%S%.f IST\"",
             ),
             (["22.09.2026 18:38:20 CST", "22.09.2026 18:38:21 CST", ""], "%d.%m.%Y %H:%M:%S%.f CST"),
+            (["18:05:00:00", "18:05:00:04", "18:05:00:08"], "has up to 2 digits: milliseconds, or a fraction?"),
             (["open", "close", "open"], "expected times, found `open`"),
         ] {
             let error = of(&texts, "").unwrap_err();
