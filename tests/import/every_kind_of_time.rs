@@ -19,6 +19,16 @@ pub(super) fn times(cases: &mut Cases) {
         headed("t [ms]", &|row| ((60_000 + (row.time_s * 1e3).round() as i64) % 65_536).to_string()),
         Right,
     );
+    let of_day = |row: &Truth| (86_380_000 + (row.time_s * 1e3).round() as i64) % 86_400_000;
+    for header in ["ms of day", "Time [ms]", "ms since midnight"] {
+        cases.add(KIND, format!("{header} over midnight"), headed(header, &|row| of_day(row).to_string()), Right);
+    }
+    cases.add(
+        KIND,
+        "seconds of day over midnight",
+        headed("Seconds of day", &|row| format!("{:.3}", of_day(row) as f64 * 1e-3)),
+        Right,
+    );
     cases.add(
         KIND,
         "seconds of GPS",

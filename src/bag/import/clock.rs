@@ -16,7 +16,7 @@ use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
 use super::map::TimeMap;
 use super::number::{Numbers, decimal, decimal_ns};
 
-pub(super) use detect::{are_times, detect};
+pub(super) use detect::{are_times, detect, says_of_day};
 pub use format::Format;
 pub(super) use zone::of_header as zone_of_header;
 use zone::zone;
@@ -24,7 +24,7 @@ use zone::zone;
 /// A second, ns.
 const SECOND_NS: i128 = 1_000_000_000;
 /// A day, ns.
-const DAY_NS: i128 = 86_400 * SECOND_NS;
+const DAY_NS: i64 = 86_400_000_000_000;
 /// What a serial number of a day holds, ns: fifteen digits of a number of five before the point are 1e-10 days.
 const SERIAL_GRAIN_NS: i64 = 100_000;
 /// Days from Excel's zero, 30 December 1899, to 1970.
@@ -33,6 +33,8 @@ const EXCEL_DAYS: i64 = 25_569;
 const MATLAB_DAYS: i64 = 719_529;
 /// A time of day that falls back by more than this has passed midnight, ns.
 const MIDNIGHT_NS: i64 = 43_200_000_000_000;
+/// Rows are no further apart where a count of the time of day that is not called so begins anew at midnight, ns.
+const NEAR_MIDNIGHT_NS: i64 = 60_000_000_000;
 /// An hour, ns.
 const HOUR_NS: i64 = 3_600_000_000_000;
 
@@ -59,6 +61,8 @@ pub struct TimeReader {
     /// The newest count of a relative time, ns, and what the counter has lost by beginning anew, ns.
     last_count_ns: i64,
     wrapped_ns: i64,
+    /// Its column says that it counts from midnight.
+    of_day: bool,
     /// How often a counter began anew.
     pub wraps: u64,
     /// Times that the end of summer time makes ambiguous.
@@ -88,6 +92,7 @@ impl TimeReader {
             last_of_day_ns: 0,
             last_count_ns: 0,
             wrapped_ns: 0,
+            of_day: map.columns.iter().any(|name| says_of_day(name)),
             wraps: 0,
             folded: 0,
             has_zone: map.zone.is_some(),
@@ -132,15 +137,15 @@ impl TimeReader {
                 let (unit_ns, count_ns) = (*unit_ns, count((*unit_ns).into())?);
                 self.unwrapped(count_ns, unit_ns).saturating_add(self.start_ns)
             }
-            Format::Excel => self.serial(count(DAY_NS)?, EXCEL_DAYS)?,
+            Format::Excel => self.serial(count(DAY_NS.into())?, EXCEL_DAYS)?,
             Format::WinCc => {
-                let since_ns = count(DAY_NS / 1_000_000)?.checked_sub(EXCEL_DAYS * 86_400_000_000_000);
+                let since_ns = count((DAY_NS / 1_000_000).into())?.checked_sub(EXCEL_DAYS * DAY_NS);
                 let local_ns = since_ns.ok_or("a day beyond all calendars")?;
                 self.local((local_ns + 500).div_euclid(1000) * 1000)?
             }
             Format::Matlab => {
                 let days_ns =
-                    decimal_ns(&self.numbers.plain(text), DAY_NS / 1000).ok_or_else(|| wanted(&self.format))?;
+                    decimal_ns(&self.numbers.plain(text), (DAY_NS / 1000).into()).ok_or_else(|| wanted(&self.format))?;
                 self.matlab(days_ns)?
             }
             Format::Iso => self.iso(&colon::with_point(text))?,
@@ -150,10 +155,13 @@ impl TimeReader {
         Ok(time_ns)
     }
 
-    /// A count that goes on where a counter of 16 or 32 bits begins anew.
+    /// A count that goes on where a counter of 16 or 32 bits, or a day, begins anew.
     fn unwrapped(&mut self, count_ns: i64, unit_ns: i64) -> i64 {
         let last_ns = std::mem::replace(&mut self.last_count_ns, count_ns);
-        if last_ns.saturating_sub(count_ns) > unit_ns.saturating_mul(COUNTS[0] / 2) {
+        if self.is_midnight(last_ns, count_ns) {
+            self.wrapped_ns = self.wrapped_ns.saturating_add(DAY_NS);
+            self.wraps += 1;
+        } else if last_ns.saturating_sub(count_ns) > unit_ns.saturating_mul(COUNTS[0] / 2) {
             let begins_anew = |counts: &i64| {
                 let range_ns = unit_ns.saturating_mul(*counts);
                 // Without a sign it begins at 0, with one at minus half of its range.
@@ -171,20 +179,25 @@ impl TimeReader {
         count_ns.saturating_add(self.wrapped_ns)
     }
 
+    /// Whether a count of the time of day passes midnight between two rows, ns.
+    fn is_midnight(&self, last_ns: i64, count_ns: i64) -> bool {
+        let fell_ns = last_ns.saturating_sub(count_ns);
+        let far = if self.of_day { MIDNIGHT_NS } else { DAY_NS - NEAR_MIDNIGHT_NS };
+        fell_ns > far && last_ns < DAY_NS && count_ns >= 0
+    }
+
     /// A count of days since some zero as ns since 1970.
     fn serial(&mut self, since_zero_ns: i64, zero_days: i64) -> Result<i64, String> {
         let grains = (since_zero_ns + SERIAL_GRAIN_NS / 2).div_euclid(SERIAL_GRAIN_NS);
-        let day_ns = i64::try_from(DAY_NS).unwrap_or(i64::MAX);
         let local_ns =
-            (grains * SERIAL_GRAIN_NS).checked_sub(zero_days * day_ns).ok_or("a day beyond all calendars")?;
+            (grains * SERIAL_GRAIN_NS).checked_sub(zero_days * DAY_NS).ok_or("a day beyond all calendars")?;
         self.local(local_ns)
     }
 
     /// MATLAB's days, which in ns would overflow, come as a thousandth.
     fn matlab(&mut self, thousandths: i64) -> Result<i64, String> {
-        let day = i64::try_from(DAY_NS / 1000).unwrap_or(i64::MAX);
         let since_1970 =
-            thousandths.checked_sub(MATLAB_DAYS.saturating_mul(day)).ok_or("a day beyond all calendars")?;
+            thousandths.checked_sub(MATLAB_DAYS.saturating_mul(DAY_NS / 1000)).ok_or("a day beyond all calendars")?;
         let since_1970_ns = since_1970.checked_mul(1000).ok_or("a day beyond all calendars")?;
         self.serial(since_1970_ns, 0)
     }

@@ -182,6 +182,16 @@ fn in_name(name: &str) -> Option<(&'static str, i64)> {
     words.find_map(plain_unit)
 }
 
+/// What names of columns say that count from midnight, without blanks and signs.
+const OF_DAY: Words =
+    Words("ofday|oftheday|midnight|mitternacht|destages|minuit|dujour|medianoche|deldia|mezzanotte|delgiorno");
+
+/// Whether a column, by its name, counts a unit of time from midnight: `ms of day`, `seconds since midnight`.
+pub(in crate::import) fn says_of_day(name: &str) -> bool {
+    let letters: String = name.to_lowercase().chars().filter(|letter| letter.is_alphabetic()).collect();
+    in_name(name).is_some() && OF_DAY.all().any(|words| letters.contains(words))
+}
+
 /// What to say of a unit in a header that has a number in a way that is not understood.
 fn unclear(name: &str, unit: &str) -> Option<String> {
     let inside =

@@ -81,6 +81,24 @@ fn counters_that_begin_anew_go_on() {
 }
 
 #[test]
+fn counts_from_midnight_pass_it() {
+    // The one whose column says so may do it with a gap; of others only the step tells.
+    for (name, texts, step_s) in [
+        ("t", ["86399000", "86399500", "500"], 1),
+        ("t", ["82000000", "86000000", "500000"], -85_500),
+        ("ms of day", ["82000000", "86000000", "500000"], 900),
+        ("Millisekunden seit Mitternacht", ["50000000", "60000000", "5000000"], 31_400),
+        ("ms of day", ["90000000", "90000500", "500"], -90_000),
+    ] {
+        let map = TimeMap { columns: vec![name.to_owned()], ..TimeMap::default() };
+        let numbers = Numbers { decimal: '.', thousands: None, missing: vec![] };
+        let mut clock = TimeReader::new(Format::of("milliseconds").unwrap(), &map, &numbers).unwrap();
+        let times_ns = texts.map(|text| clock.read(text).unwrap());
+        assert_eq!((times_ns[2] - times_ns[1]) / 1_000_000_000, step_s, "{name} {texts:?}");
+    }
+}
+
+#[test]
 fn times_of_day_pass_midnight() {
     let mut clock = clock("%H:%M:%S", None, Some("2024-05-02"));
     let first = clock.read("23:59:59").unwrap();

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::import::clock::says_of_day;
 use crate::import::convert::{UnitConversion, either_factor, plain, pressure, share};
 use crate::import::dialect::bracketed;
 use crate::import::map::{AS_RECORDED, SignalMap};
@@ -117,7 +118,10 @@ impl TableHead {
             }
             _ => match first(TIMES).filter(|place| bare(&self.names[*place]) != "index") {
                 Some(place) => vec![place],
-                None => self.seconds().or_else(|| Some(vec![first(TIMES)?])).unwrap_or_default(),
+                None => {
+                    let of_day = || self.names.iter().position(|name| says_of_day(name));
+                    self.seconds().or_else(|| Some(vec![of_day().or_else(|| first(TIMES))?])).unwrap_or_default()
+                }
             },
         }
     }

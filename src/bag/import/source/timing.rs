@@ -156,7 +156,8 @@ fn written<R: TableRecords>(
         Some(zone) if !note.is_empty() => format!("{note}, in {zone} as its header says"),
         _ => note,
     };
-    let time = TimeMap { zone: stated.or(map.time.zone.clone()), ..map.time.clone() };
+    let names = columns.iter().map(|column| head.names[*column].clone()).collect();
+    let time = TimeMap { columns: names, zone: stated.or(map.time.zone.clone()), ..map.time.clone() };
     let clock = TimeReader::new(format, &time, &head.numbers).map_err(wrong)?;
     let may_be_blank = of != TimeOf::All;
     Ok(Timing { group: TimeGroup { columns, clock, native, of, may_be_blank, fraction }, note })
