@@ -295,12 +295,14 @@ pub(super) fn units_and_zones(cases: &mut Cases) {
         ("a zone in letters behind a German date", "20", "CEST", Right),
         ("UTC behind a German date", "18", "UTC", Right),
         ("EDT behind a German date", "14", "EDT", Right),
+        ("an offset without a colon behind a German date", "20", "UTC+0200", Right),
+        ("an offset behind a German date", "20", "+02:00", Right),
         ("a zone in letters of several offsets", "23", "IST", Refused("`IST` behind the times")),
     ] {
         let time = |row: &Truth| format!("22.09.2026 {hour}{} {zone}", &iso(row)[13..23]);
         cases.add(KIND, name, headed("Zeit", &time), expected);
     }
-    for (header, hour) in [("Time (UTC+02:00)", "20"), ("Timestamp (UTC)", "18")] {
+    for (header, hour) in [("Time (UTC+02:00)", "20"), ("Timestamp (UTC)", "18"), ("Time (UTC+0200)", "20")] {
         let time = |row: &Truth| format!("2026-09-22 {hour}{}", &iso(row)[13..23]);
         cases.add(KIND, header, headed(header, &time), Right);
     }

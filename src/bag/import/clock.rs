@@ -225,10 +225,10 @@ impl TimeReader {
 
     fn pattern(&mut self, text: &str) -> Result<i64, String> {
         let Format::Pattern(pattern) = &self.format else { return Err("no pattern".into()) };
-        // A word for the zone, which patterns do not read; the map's pattern may have it as it stands.
+        // A word for the zone, which patterns do not read unless they say so; the map's pattern may have it as it stands.
         let literal = words::with_zone(pattern).map(|(pattern, _)| pattern.into_owned());
         let whole = text;
-        let with_zone = words::with_zone(text);
+        let with_zone = if pattern.contains("%z") { None } else { words::with_zone(text) };
         self.offset = with_zone.as_ref().map(|(_, offset)| *offset);
         let text = with_zone.as_ref().map_or(text, |(local, _)| local);
         let pattern = literal.as_deref().filter(|_| with_zone.is_some()).unwrap_or(pattern);

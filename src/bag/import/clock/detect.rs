@@ -11,9 +11,9 @@ use crate::import::words::Words;
 
 /// Patterns that are tried, the more special first; of the last two only one may fit.
 const PATTERNS: Words = Words(
-    "%Y-%m-%d %H:%M:%S%.f %z|%Y/%m/%d %H:%M:%S%.f|%Y.%m.%d %H:%M:%S%.f|%Y%m%dT%H%M%S%.f|%Y%m%d %H:%M:%S%.f|%Y%m%d %H%M%S%.f|%Y-%m-%d %H:%M|\
+    "%Y/%m/%d %H:%M:%S%.f|%Y.%m.%d %H:%M:%S%.f|%Y%m%dT%H%M%S%.f|%Y%m%d %H:%M:%S%.f|%Y%m%d %H%M%S%.f|%Y-%m-%d %H:%M|\
      %d.%m.%Y %H:%M:%S%.f|%d.%m.%y %H:%M:%S%.f|%d.%m.%Y %H:%M|%d.%m.%y %H:%M|%d-%m-%Y %H:%M:%S%.f|\
-     %d-%b-%Y %H:%M:%S%.f|%d-%b-%y %H:%M:%S%.f|%d-%b-%y %I.%M.%S%.f %p|%a, %d %b %Y %H:%M:%S%.f %z|%d %b %Y %H:%M:%S%.f|%b %d, %Y %I:%M:%S%.f %p|\
+     %d-%b-%Y %H:%M:%S%.f|%d-%b-%y %H:%M:%S%.f|%d-%b-%y %I.%M.%S%.f %p|%a, %d %b %Y %H:%M:%S%.f|%d %b %Y %H:%M:%S%.f|%b %d, %Y %I:%M:%S%.f %p|\
      %b %d %Y %I:%M:%S%.f %p|%a %b %d %H:%M:%S%.f %Y|%Y年%m月%d日 %H:%M:%S%.f|%Y年%m月%d日%H时%M分%S%.f秒|%Y/%m/%d %p %I:%M:%S%.f|%Y-%jT%H:%M:%S%.f|%H:%M:%S%.f|%M:%S.%f|\
      %m/%d/%Y %I:%M:%S%.f %p|%d/%m/%Y %I:%M:%S%.f %p|%m/%d/%Y %H:%M:%S%.f|%d/%m/%Y %H:%M:%S%.f|%m/%d/%Y %H:%M|%d/%m/%Y %H:%M|\
      %m/%d/%y %H:%M:%S%.f|%d/%m/%y %H:%M:%S%.f",
@@ -337,13 +337,15 @@ mod tests {
             (["13/05/24 10:00:00", "13/05/24 10:00:01", "13/05/24 10:00:02"], "", "%d/%m/%y %H:%M:%S%.f"),
             (["2026-09-22 18:38:20.5 CEST", "2026-09-22 18:38:21 CEST", ""], "", "iso"),
             (["22.09.2026 18:38:20.5 CEST", "22.09.2026 17:38:21 CET", ""], "", "%d.%m.%Y %H:%M:%S%.f"),
+            (["2026-09-22 18:38:20 UTC+0200", "2026-09-22 18:38:21 UTC+0200", ""], "", "iso"),
+            (["22.09.2026 18:38:20 UTC+02:00", "22.09.2026 18:38:21 UTC+02:00", ""], "", "%d.%m.%Y %H:%M:%S%.f"),
             (["Sep 22 2026 06:38:20.5 PM EDT", "Sep 22 2026 06:38:21 PM EDT", ""], "", "%b %d %Y %I:%M:%S%.f %p"),
             (["Tue Sep 22 18:38:20 CEST 2026", "Tue Sep 22 18:38:21 CEST 2026", ""], "", "%a %b %d %H:%M:%S%.f %Y"),
             (["22-SEP-26 06.38.20.5 PM", "22-SEP-26 06.38.21.0 PM", ""], "", "%d-%b-%y %I.%M.%S%.f %p"),
             (
                 ["Tue, 22 Sep 2026 18:38:20.5 +0200", "Tue, 22 Sep 2026 18:38:21 +0200", ""],
                 "",
-                "%a, %d %b %Y %H:%M:%S%.f %z",
+                "%a, %d %b %Y %H:%M:%S%.f",
             ),
             (["2026年9月22日 18:38:20", "2026年9月22日 18:38:21", ""], "", "%Y年%m月%d日 %H:%M:%S%.f"),
             (["2026-265T18:38:20.5", "2026-265T18:38:21", ""], "", "%Y-%jT%H:%M:%S%.f"),

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use jiff::tz::Offset;
 
+use super::zone::offset;
 use crate::import::words::Words;
 
 /// Beginnings of the names of months, in the order of the year: English, German, French, Italian, Spanish and Portuguese, Scandinavian, Dutch.
@@ -68,32 +69,41 @@ pub(super) fn english(text: &str) -> String {
     out
 }
 
-/// A local time and the offset that the abbreviation behind it means; a year may stand behind that.
+/// The offset that a word alone means: an abbreviation such as `CEST`, or what states it, as `UTC+0200` does.
+pub(super) fn offset_of(word: &str) -> Option<Offset> {
+    let hours = ZONES.iter().find(|(_, zones)| zones.has(word)).map(|(hours, _)| *hours);
+    hours.map_or_else(|| offset(word), |hours| Offset::from_hours(hours).ok())
+}
+
+/// A local time and the offset that the word behind it means; a year may stand behind that.
 pub(super) fn with_zone(text: &str) -> Option<(Cow<'_, str>, Offset)> {
     let (local, word) = parted(text)?;
-    let (hours, _) = ZONES.iter().find(|(_, zones)| zones.has(word))?;
-    Some((local, Offset::from_hours(*hours).ok()?))
+    Some((local, offset_of(word)?))
 }
 
 /// A local time and the abbreviation of a zone behind it that means several offsets, or none that is known.
 pub(super) fn with_unknown_zone(text: &str) -> Option<(Cow<'_, str>, &str)> {
-    parted(text).filter(|(_, word)| ZONES.iter().all(|(_, zones)| !zones.has(word)))
+    parted(text).filter(|(_, word)| offset_of(word).is_none())
 }
 
-/// A time and the capitals behind it that may be the abbreviation of a zone.
+/// A time and the word behind it that may be a zone: an offset, or capitals that may be an abbreviation.
 fn parted(text: &str) -> Option<(Cow<'_, str>, &str)> {
     const BLANKS: [char; 2] = [' ', '\u{a0}'];
-    let is_zone = |word: &str| {
+    let is_zone = |local: &str, word: &str| {
         let is_month = MONTHS.iter().any(|(_, begins)| begins.has(&word.to_lowercase()));
         let letters = (2..=5).contains(&word.len()) && word.bytes().all(|byte| byte.is_ascii_uppercase());
-        letters && !is_month && !["AM", "PM"].contains(&word)
+        letters && !is_month && !["AM", "PM"].contains(&word) || local.contains(':') && offset(word).is_some()
     };
     let (local, word) = text.trim_end().rsplit_once(BLANKS)?;
-    if is_zone(word) {
-        return Some((Cow::Borrowed(local.trim_end()), word));
+    let zone = word.trim_matches(['(', ')', '[', ']']);
+    if is_zone(local, zone) {
+        let local = local.trim_end();
+        // `UTC +02:00` in two words.
+        let of_offset = local.strip_suffix("UTC").or_else(|| local.strip_suffix("GMT"));
+        return Some((Cow::Borrowed(of_offset.map_or(local, str::trim_end)), zone));
     }
     let year = Some(word).filter(|word| word.len() == 4 && word.bytes().all(|byte| byte.is_ascii_digit()))?;
-    let (local, word) = local.rsplit_once(BLANKS).filter(|(_, word)| is_zone(word))?;
+    let (local, word) = local.rsplit_once(BLANKS).filter(|(local, word)| is_zone(local, word))?;
     Some((Cow::Owned(format!("{} {year}", local.trim_end())), word))
 }
 
@@ -117,6 +127,11 @@ mod tests {
         assert!(with_zone("2026-09-22 18:38:20").is_none());
         let (local, offset) = with_zone("Tue Sep 22 18:38:20 EDT 2026").unwrap();
         assert_eq!((local.as_ref(), offset.seconds()), ("Tue Sep 22 18:38:20 2026", -4 * 3600));
+        for zone in ["UTC+0200", "UTC+02:00", "(UTC+2)", "UTC +02:00", "+02:00", "+0200"] {
+            let text = format!("22.09.2026 18:38:20 {zone}");
+            let (local, offset) = with_zone(&text).unwrap();
+            assert_eq!((local.as_ref(), offset.seconds()), ("22.09.2026 18:38:20", 7200), "{zone}");
+        }
         assert_eq!(with_unknown_zone("22.09.2026 18:38:20 IST").unwrap().1, "IST");
         for text in ["22.09.2026 18:38:20 CEST", "09/22/2026 6:38:20 PM", "22-SEP-26", "22 SEP 2026"] {
             assert!(with_unknown_zone(text).is_none(), "{text}");

@@ -2,33 +2,48 @@
 
 use jiff::tz::{self, Offset, TimeZone};
 
-/// A zone by its name, or a fixed offset such as `UTC+1` or `+05:30`.
+/// Zones lie less than so many hours from universal time.
+const BEYOND_H: i32 = 15;
+
+/// A zone by its name, or a fixed offset.
 pub(super) fn zone(text: &str) -> Result<TimeZone, String> {
-    let rest = text.trim().trim_start_matches("UTC").trim_start_matches("GMT");
-    if rest.is_empty() || rest == "Z" {
-        return Ok(TimeZone::UTC);
+    match offset(text) {
+        Some(offset) => Ok(TimeZone::fixed(offset)),
+        None if text.trim().trim_start_matches("UTC").trim_start_matches("GMT").starts_with(['+', '-', '\u{2212}']) => {
+            Err(format!("time.zone: expected an offset such as +01:00, found `{text}`"))
+        }
+        None => named_zone(text),
     }
-    let sign = match rest.as_bytes().first() {
-        Some(b'+') => 1,
-        Some(b'-') => -1,
-        _ => return named_zone(text),
+}
+
+/// The offset that a text states: `UTC`, `UTC+1`, `GMT-0330`, `+05:30`.
+pub(super) fn offset(text: &str) -> Option<Offset> {
+    let text = text.trim().replace('\u{2212}', "-");
+    let rest = text.strip_prefix("UTC").or_else(|| text.strip_prefix("GMT")).unwrap_or(&text).trim_start();
+    if rest == "Z" || (rest.is_empty() && !text.is_empty()) {
+        return Some(Offset::UTC);
+    }
+    let digits = rest.strip_prefix(['+', '-']).filter(|digits| digits.is_ascii())?;
+    let (hours, minutes) = match digits.split_once(':') {
+        Some(parts) => parts,
+        None if digits.len() == 4 => digits.split_at(2),
+        None => (digits, "0"),
     };
-    let (hours, minutes) = rest[1..].split_once(':').unwrap_or((&rest[1..], "0"));
-    let number = |text: &str| text.parse::<i32>().ok().filter(|number| (0..60).contains(number));
-    let offset = number(hours).zip(number(minutes)).map(|(hours, minutes)| sign * (3600 * hours + 60 * minutes));
-    let offset = offset.and_then(|seconds| Offset::from_seconds(seconds).ok());
-    offset.map(TimeZone::fixed).ok_or_else(|| format!("time.zone: expected an offset such as +01:00, found `{text}`"))
+    let number = |text: &str, beyond: i32| -> Option<i32> {
+        let is_number = text.bytes().all(|byte| byte.is_ascii_digit());
+        text.parse().ok().filter(|number| is_number && *number < beyond)
+    };
+    let seconds = 3600 * number(hours, BEYOND_H)? + 60 * number(minutes, 60)?;
+    Offset::from_seconds(if rest.starts_with('-') { -seconds } else { seconds }).ok()
 }
 
 /// The zone that the name of a column of time states as universal time or by its offset: `Time (UTC+02:00)`, `Time UTC`.
 pub(in crate::import) fn of_header(name: &str) -> Option<String> {
-    let name = name.trim();
-    let inside = name.strip_suffix([')', ']']).and_then(|rest| rest.rsplit_once(['(', '['])).map(|(_, inside)| inside);
-    let stated = inside.or_else(|| name.rsplit([' ', '_']).next())?;
-    let stated = stated.to_uppercase().replace([' ', '\u{a0}'], "").replace('\u{2212}', "-");
-    let rest = stated.strip_prefix("UTC").or_else(|| stated.strip_prefix("GMT"))?;
-    let is_offset = rest.is_empty() || rest.starts_with(['+', '-']);
-    (is_offset && zone(&stated).is_ok()).then_some(stated)
+    let name = name.to_uppercase();
+    let at = ["UTC", "GMT"].into_iter().filter_map(|zone| name.rfind(zone)).max()?;
+    let stated = name[at..].replace([' ', '\u{a0}'], "").replace('\u{2212}', "-");
+    let stated = stated.trim_end_matches([')', ']']);
+    (!name[..at].ends_with(char::is_alphanumeric) && offset(stated).is_some()).then(|| stated.to_owned())
 }
 
 fn named_zone(text: &str) -> Result<TimeZone, String> {
@@ -54,12 +69,37 @@ mod tests {
             ("Timestamp (UTC)", Some("UTC")),
             ("Zeit [utc -3]", Some("UTC-3")),
             ("time_utc", Some("UTC")),
+            ("Time (UTC+0200)", Some("UTC+0200")),
+            ("Time UTC +0200", Some("UTC+0200")),
+            ("Zeit (lokal, GMT-0330)", Some("GMT-0330")),
             ("Time (local)", None),
             ("Time (UTC or local)", None),
             ("Time (UTC+99)", None),
             ("Zeit", None),
         ] {
             assert_eq!(of_header(name).as_deref(), stated, "{name}");
+        }
+    }
+
+    #[test]
+    fn offsets_are_read_with_colons_and_without() {
+        for (text, minutes) in [
+            ("UTC", Some(0)),
+            ("Z", Some(0)),
+            ("UTC+0200", Some(120)),
+            ("UTC +02:00", Some(120)),
+            ("GMT+2", Some(120)),
+            ("+02", Some(120)),
+            ("-0330", Some(-210)),
+            ("\u{2212}03:30", Some(-210)),
+            ("+2026", None),
+            ("+120", None),
+            ("2", None),
+            ("+", None),
+            ("", None),
+            ("CET", None),
+        ] {
+            assert_eq!(offset(text).map(|offset| offset.seconds() / 60), minutes, "{text}");
         }
     }
 }
