@@ -18,6 +18,7 @@ use super::number::{Numbers, decimal, decimal_ns};
 
 pub(super) use detect::{are_times, detect, says_of_day};
 pub use format::Format;
+use words::in_cell;
 pub(super) use zone::of_header as zone_of_header;
 use zone::zone;
 
@@ -49,6 +50,8 @@ pub struct TimeReader {
     format: Format,
     numbers: Numbers,
     zone: TimeZone,
+    /// What the newest cell of a column of zones says.
+    zone_cell: String,
     /// What a word behind the present time says of its zone.
     offset: Option<Offset>,
     /// The moment of relative times, ns, and the day of times without a date.
@@ -84,6 +87,7 @@ impl TimeReader {
             format,
             numbers: numbers.clone(),
             zone,
+            zone_cell: String::new(),
             offset: None,
             start_ns: 0,
             day: None,
@@ -116,6 +120,20 @@ impl TimeReader {
     /// How its times are written.
     pub(super) fn format(&self) -> &Format {
         &self.format
+    }
+
+    /// Takes the zone of the next time from a cell of its own.
+    ///
+    /// # Errors
+    /// In words, where it states none.
+    pub(super) fn take_zone(&mut self, cell: &str) -> Result<(), String> {
+        if self.zone_cell != cell {
+            let wanted = || format!("expected a zone such as +02:00, CET or Europe/Zurich, found `{cell}`");
+            self.zone = in_cell(cell).ok_or_else(wanted)?;
+            cell.clone_into(&mut self.zone_cell);
+        }
+        self.has_zone = true;
+        Ok(())
     }
 
     /// One time, ns since 1970.
@@ -297,6 +315,11 @@ impl TimeReader {
             )),
         }
     }
+}
+
+/// Whether a cell states a zone and nothing else.
+pub(super) fn is_zone(cell: &str) -> bool {
+    in_cell(cell).is_some()
 }
 
 fn ns(timestamp: Timestamp) -> Result<i64, String> {

@@ -10,6 +10,7 @@ pub(super) mod quality;
 pub(super) mod records;
 pub(super) mod table;
 pub(super) mod timing;
+mod zone;
 
 use std::fs::File;
 use std::io::Read as _;

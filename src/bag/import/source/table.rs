@@ -85,13 +85,12 @@ impl<R: TableRecords> TableSource<R> {
             (Some(tag), Some(value)) => Some(Long { tag: find(tag)?, value: find(value)? }),
             _ => None,
         };
-        let Timing { group, note } = timing(&head, map, &open)?;
+        let Timing { group, note, mut warnings } = timing(&head, map, &open)?;
         let mut times = vec![group];
         if long.is_none() && map.time.rate_hz.is_none() {
             times.extend(own_times(&head, map, &times[0], &open)?);
             times[0].may_be_blank = times.len() > 1;
         }
-        let mut warnings = vec![];
         let mut columns = vec![];
         for (signal, one) in map.signals.iter().enumerate() {
             let SignalPlace::Column(name) = &one.from else { continue };
@@ -223,7 +222,7 @@ impl<R: TableRecords> TableSource<R> {
     /// The columns of time, and what a map says of it so that nothing is left to be found out.
     pub(in crate::import) fn time(&self, map: &Map) -> (Vec<usize>, TimeMap) {
         let main = &self.times[0];
-        let all = self.times.iter().flat_map(|group| group.columns.iter().copied()).collect();
+        let all = self.times.iter().flat_map(|group| group.columns.iter().copied().chain(group.zone)).collect();
         // Of columns with one name the number tells which.
         let name = |column: &usize| {
             let name = &self.head.names[*column];
