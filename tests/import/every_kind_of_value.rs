@@ -112,6 +112,19 @@ pub(super) fn units(cases: &mut Cases) {
         map,
         Refused("may mean 0.1 bar or 10 bar"),
     );
+    let shares = "t [s],cmd (0-100 %),servo [0..100 %],spool (\u{b1}100 %),p tank [0..160 bar]";
+    cases.add(KIND, "ranges in headers", timed(shares, plain, ","), Right);
+    for (name, column, k, cell, words) in [
+        ("a range in mm", "Guide vane [0..250 mm]", 1, [0.0, 2.5], "its header states 0..250 mm"),
+        ("a range of a spool, in mm", "spool 4-20 mA = -10..10 mm", 2, [0.0, 0.1], "its header states -10..10 mm"),
+        ("a range of a spool, in mA", "spool 4-20 mA = -10..10 mm", 2, [12.0, 0.08], "its header states 4..20 mA"),
+        ("a range of a pressure, in mA", "p tank [0..160 bar]", 3, [4.0, 0.1], "may be the current of a transmitter"),
+    ] {
+        let names: Vec<&str> = header.split(',').collect();
+        let header = header.replace(names[k + 1], column);
+        let cell = |value: f64, of: usize| if of == k { cell[0] + cell[1] * value } else { value }.to_string();
+        cases.add(KIND, name, timed(&header, cell, ","), Asked(words));
+    }
     for name in ["P_OIL_ABS [bar]", "Öldruck absolut [bar]", "油罐绝对压力(MPa)"] {
         let in_bar = if name.contains("MPa") { 10.0 } else { 1.0 };
         let cell = |value: f64, k: usize| if k < 3 { value } else { (value + 1.01325) / in_bar }.to_string();

@@ -3,6 +3,7 @@
 use super::convert::{is_any_unit, is_unit, pressure, with_factor};
 use super::map::FileMap;
 use super::number::{NumberCell, Numbers, groups};
+use super::stated_range::range_at_end;
 
 /// Lines of a sample that are looked at.
 const MOST_LINES: usize = 200;
@@ -199,10 +200,8 @@ pub(super) fn bracketed(name: &str) -> Option<(&str, &str)> {
         let outer = name[..open]
             .rfind(['[', '('])
             .filter(|_| name.ends_with("])") || name.ends_with(")]") || name.ends_with("))"));
-        let found = [Some(open), outer]
-            .into_iter()
-            .flatten()
-            .find_map(|open| Some((open, inside(open).filter(|unit| is_any_unit(unit))?)));
+        let found =
+            [Some(open), outer].into_iter().flatten().find_map(|open| Some((open, stated_unit(inside(open)?)?)));
         return found.filter(|(open, _)| *open > 0).map(|(open, unit)| (name[..open].trim(), unit));
     }
     let scaled = [" / ", ", ", " in "].iter().filter_map(|sign| name.rsplit_once(sign));
@@ -224,6 +223,11 @@ pub(super) fn bracketed(name: &str) -> Option<(&str, &str)> {
     let behind = [" /", " in", ","].iter().find_map(|sign| rest.strip_suffix(sign));
     let stated = behind.filter(|_| is_unit(unit)).or((sure && unit.len() > 1 || unit == "%").then_some(rest));
     stated.map(str::trim).filter(|bare| !bare.is_empty()).map(|bare| (bare, unit))
+}
+
+/// The unit that stands in brackets, alone or behind a range.
+fn stated_unit(inside: &str) -> Option<&str> {
+    if is_any_unit(inside) { Some(inside) } else { range_at_end(inside).map(|range| range.unit) }
 }
 
 /// The separator by which most lines have the same number of cells, more than one.
@@ -388,6 +392,8 @@ mod tests {
             ("p 0.1 bar", Some(("p", "0.1 bar"))),
             ("t 10 ms", Some(("t", "10 ms"))),
             ("p 2 bar", Some(("p 2", "bar"))),
+            ("Guide vane [0..250 mm]", Some(("Guide vane", "mm"))),
+            ("Servo (0-100 %)", Some(("Servo", "%"))),
             ("p [bar x 10]", Some(("p", "bar x 10"))),
             ("Date/Time", None),
             ("gov/a", None),

@@ -1,6 +1,7 @@
 //! A map proposed for a file that nobody has mapped: by the names of its columns, their units, ranges and shapes.
 
 mod column;
+mod header;
 mod machines;
 mod names;
 mod propose;
