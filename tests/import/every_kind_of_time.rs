@@ -347,12 +347,23 @@ pub(super) fn zones(cases: &mut Cases) {
     const SIGNALS: &str =
         "signals: {opening_command: cmd, servomotor_position: servo, spool_position: spool, tank_pressure: p tank}\n";
     for (name, header, behind, zone, expected) in [
-        ("map and header differ", "Time (UTC+02:00)", "", "+01:00", Asked("the map says `+01:00` of the zone, and the header `Time (UTC+02:00)` says")),
+        (
+            "map and header differ",
+            "Time (UTC+02:00)",
+            "",
+            "+01:00",
+            Asked("the map says `+01:00` of the zone, and the header `Time (UTC+02:00)` says"),
+        ),
         ("map and header are one", "Time (UTC+02:00)", "", "Europe/Zurich", Right),
         ("map and column differ", "Time,Zone", ",CEST", "UTC", Asked("and column `Zone` says `CEST`")),
     ] {
         let map: &'static str = Box::leak(format!("time: {{zone: \"{zone}\"}}\n{SIGNALS}").into_boxed_str());
         cases.by_map(KIND, name, headed(header, behind), map, expected);
     }
-    cases.add(KIND, "header and column differ", headed("Time (UTC),Zone", ",CEST"), Asked("and column `Zone` says `CEST`"));
+    cases.add(
+        KIND,
+        "header and column differ",
+        headed("Time (UTC),Zone", ",CEST"),
+        Asked("and column `Zone` says `CEST`"),
+    );
 }

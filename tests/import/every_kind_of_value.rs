@@ -172,6 +172,25 @@ pub(super) fn formats(cases: &mut Cases) {
     cases.add(KIND, "WinCC", wincc("\"", true, true, 0..0), Right);
     cases.add(KIND, "WinCC, row by row", wincc("", false, false, 0..0), Right);
     cases.add(KIND, "WinCC, values that are not valid", wincc("\"", true, true, 300..330), Rest);
+    // Rockwell's logs: milliseconds beside the time, and states that are blank where all is well.
+    let of_day = |row: &Truth| format!("9/22/2026 6:{} PM", &iso(row)[14..19]);
+    let ms = |row: &Truth| iso(row)[20..23].parse::<u16>().unwrap();
+    let mut wide =
+        "Date;Time;Millitm;Marker;Sts_cmd;cmd [%];Sts_servo;servo [%];Sts_spool;spool [%];Sts_tank;tank [bar]\n"
+            .to_owned();
+    let mut tall = "DateAndTime,Millitm,TagName,Val,Status,Marker\n".to_owned();
+    for (k, row) in rejection().iter().enumerate() {
+        let [command, servomotor, spool, pressure] = row.values;
+        let (state, servomotor) = if (300..330).contains(&k) { ("E", 0.0) } else { (" ", servomotor) };
+        let (time, ms, marker) = (of_day(row), ms(row), if k == 0 { "B" } else { " " });
+        let (date, of_day) = time.split_once(' ').unwrap();
+        let _ = writeln!(wide, "{date};{of_day};{ms};{marker}; ;{command};{state};{servomotor}; ;{spool}; ;{pressure}");
+        for (tag, value) in TAGS.iter().zip(row.values) {
+            let _ = writeln!(tall, "{time},{ms},{tag},{value}, ,{marker}");
+        }
+    }
+    cases.add(KIND, "Rockwell, a column for each tag", wide, Rest);
+    cases.add(KIND, "Rockwell, one value a line", tall, Right);
     let cfg = "PLANT,GOV,1999\n1,1A,0D\n1,Y,,,%,0.01,0,0,-32767,32767,1,1,P\n50\n";
     cases.add(KIND, "COMTRADE", cfg.to_owned(), Refused("COMTRADE"));
     cases.add(KIND, "COMTRADE in one file", format!("--- file type: CFG ---\n{cfg}"), Refused("COMTRADE"));

@@ -162,8 +162,8 @@ impl TimeReader {
                 self.local((local_ns + 500).div_euclid(1000) * 1000)?
             }
             Format::Matlab => {
-                let days_ns =
-                    decimal_ns(&self.numbers.plain(text), (DAY_NS / 1000).into()).ok_or_else(|| wanted(&self.format))?;
+                let days_ns = decimal_ns(&self.numbers.plain(text), (DAY_NS / 1000).into())
+                    .ok_or_else(|| wanted(&self.format))?;
                 self.matlab(days_ns)?
             }
             Format::Iso => self.iso(&colon::with_point(text))?,

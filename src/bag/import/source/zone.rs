@@ -60,8 +60,7 @@ pub(super) fn stated<R: TableRecords>(
 ) -> Result<(Vec<StatedZone>, Option<String>), ImportError> {
     let of_header = |column: &usize| Some(StatedZone::Header(*column, zone_of_header(&head.names[*column])?));
     let of_map = map.time.zone.clone().map(StatedZone::Map);
-    let mut found: Vec<StatedZone> =
-        of_map.into_iter().chain(probe.columns.iter().find_map(of_header)).collect();
+    let mut found: Vec<StatedZone> = of_map.into_iter().chain(probe.columns.iter().find_map(of_header)).collect();
     let letters = |name: &str| -> String {
         let bare = bracketed(name).map_or(name, |(bare, _)| bare);
         bare.to_lowercase().chars().filter(|letter| letter.is_alphabetic()).collect()
