@@ -112,6 +112,20 @@ pub(super) fn units(cases: &mut Cases) {
         map,
         Refused("may mean 0.1 bar or 10 bar"),
     );
+    for bits in [16, 32] {
+        let unsigned = |value: f64, k: usize| {
+            if k == 2 { ((value * 100.0).round() as i64).rem_euclid(1 << bits).to_string() } else { value.to_string() }
+        };
+        let table = timed(&header.replace("spool [%]", "spool [0.01 %]"), unsigned, ",");
+        cases.add(KIND, format!("a spool of {bits} bits without its sign"), table, Right);
+        let unit =
+            |tag: &str| if tag == TAGS[2] { "0.01 %" } else { UNITS[TAGS.iter().position(|one| *one == tag).unwrap()] };
+        let value = |tag: &str, value: f64| unsigned(value, if tag == TAGS[2] { 2 } else { 0 });
+        let lines = tall("Tag,Timestamp,Value,Unit", bits == 16, |tag, row, number| {
+            format!("{tag},{},{},{}", iso(row), value(tag, number), unit(tag))
+        });
+        cases.add(KIND, format!("lines of a spool of {bits} bits without its sign"), lines, Right);
+    }
     let shares = "t [s],cmd (0-100 %),servo [0..100 %],spool (\u{b1}100 %),p tank [0..160 bar]";
     cases.add(KIND, "ranges in headers", timed(shares, plain, ","), Right);
     for (name, column, k, cell, words) in [

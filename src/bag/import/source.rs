@@ -3,6 +3,7 @@
 pub(super) mod channel;
 mod fraction;
 pub(super) mod head;
+pub(super) mod lost_sign;
 mod machine;
 mod order;
 mod pairs;

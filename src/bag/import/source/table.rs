@@ -9,6 +9,7 @@ use std::collections::VecDeque;
 use self::refused::{one_machine, other_header};
 use super::channel::{Bad, ChannelValue, SourceChannel};
 use super::head::{TableHead, with_header_unit};
+use super::lost_sign::{self, SignLook};
 use super::order::{RowOrder, Steps};
 use super::quality::{Quality, QualityLook, column_of, column_of_lines, column_of_rows};
 use super::records::TableRecords;
@@ -18,7 +19,7 @@ use crate::import::ImportError;
 use crate::import::convert::unit_by_name;
 use crate::import::dialect::bracketed;
 use crate::import::map::{Map, Repeated, SignalMap, SignalPlace, TimeMap};
-use crate::import::row::ImportedRow;
+use crate::import::row::{ImportedRow, Target};
 use govtwin_model::units::nanos_from_seconds;
 
 /// A signal and its column.
@@ -151,22 +152,35 @@ impl<R: TableRecords> TableSource<R> {
                 looks.push((place, index, QualityLook::default()));
             }
         }
+        let mut signs = vec![SignLook::default(); self.columns.len()];
         let mut clock = self.times[0].clone();
         let mut steps = Steps::default();
         let timed = self.rate_hz.is_none() && self.times.len() == 1;
-        while (timed || !looks.is_empty()) && records.advance()? {
+        while (timed || !looks.is_empty() || signs.iter().any(SignLook::is_open)) && records.advance()? {
             if timed && let Some(Ok(time_ns)) = clock.read(&records) {
                 steps.take(time_ns);
             }
+            // Lines of other tags say nothing of this one.
+            let of_tag = |column: &SignalColumn| {
+                let long = self.long.as_ref();
+                long.is_none_or(|long| records.tag(long.tag).as_deref() == column.channel.map.place())
+            };
             for (place, index, look) in &mut looks {
-                // Lines of other tags say nothing of this one.
-                let of_tag = self.long.as_ref().is_none_or(|long| {
-                    let tag = self.columns[*place].channel.map.place();
-                    records.tag(long.tag).as_deref() == tag
-                });
-                if of_tag {
+                if of_tag(&self.columns[*place]) {
                     look.take(quality_cell(&records, *index));
                 }
+            }
+            for (column, sign) in self.columns.iter().zip(&mut signs).filter(|(_, sign)| sign.is_open()) {
+                if of_tag(column) {
+                    sign.take(records.value(self.long.as_ref().map_or(column.index, |long| long.value)));
+                }
+            }
+        }
+        for (column, sign) in self.columns.iter_mut().zip(&signs) {
+            if let Some(count) = sign.count().filter(|_| column.channel.map.target != Target::Esv) {
+                column.channel.sign_count = Some(count);
+                let (id, place) = (column.channel.map.target.id(), column.channel.map.place().unwrap_or_default());
+                self.head.notes.push(format!("{id}: {}", lost_sign::words(place, count)));
             }
         }
         // Columns with times of their own do not go on together.
