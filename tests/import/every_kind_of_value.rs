@@ -88,6 +88,19 @@ pub(super) fn meanings(cases: &mut Cases) {
         }
         cases.add(KIND, name, text, expected);
     }
+    // What remains between command and position is neither.
+    for (name, command, expected) in [
+        ("a deviation beside its command", ",Y_SP [%]", Right),
+        ("a deviation without its command", "", Asked("opening_command: no column found")),
+    ] {
+        let mut text = format!("t [s],Y position error [%],Y_PV [%],HSV [%],P_OIL [bar]{command}\n");
+        for row in rejection() {
+            let [setpoint, position, spool, pressure] = row.values;
+            let last = if command.is_empty() { String::new() } else { format!(",{setpoint}") };
+            let _ = writeln!(text, "{:.2},{:.4},{position},{spool},{pressure}{last}", row.time_s, setpoint - position);
+        }
+        cases.add(KIND, name, text, expected);
+    }
 }
 
 /// Factors of units, and what names say of pressures.
