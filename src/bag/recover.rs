@@ -104,3 +104,49 @@ pub fn recover(source: &Path, dir: &Path) -> Result<Recovered, BagError> {
     }
     Ok(Recovered { messages: counts, files, warnings, bag: writer.finish()?, attachments, metadata, lost })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use mcap::records::MessageHeader;
+
+    use super::*;
+
+    /// A part of a bag: channels with a topic and what stands beside it, and a message on each.
+    fn part(path: &Path, log_time: u64, channels: &[(&str, &[(&str, &str)])]) {
+        let mut writer = mcap::Writer::new(fs::File::create(path).unwrap()).unwrap();
+        let schema = writer.add_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data").unwrap();
+        for (topic, metadata) in channels {
+            let metadata = metadata.iter().map(|(key, text)| ((*key).to_owned(), (*text).to_owned())).collect();
+            let channel_id = writer.add_channel(schema, topic, "cdr", &metadata).unwrap();
+            let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
+            writer.write_to_known_channel(&header, &[0; 12]).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+
+    #[test]
+    fn what_the_first_part_says_of_a_channel_counts_for_the_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = folder.path().join("run");
+        fs::create_dir(&source).unwrap();
+        let of = |sensor: &'static str| [("sensor", sensor)];
+        let (lvdt, other, spare) = (of("LVDT 3"), of("LVDT 4"), of("LVDT 5"));
+        part(&source.join("run_0.mcap"), 1, &[("/spool", &lvdt), ("/servo", &other), ("/two", &spare), ("/two", &[])]);
+        part(&source.join("run_1.mcap"), 2, &[("/spool", &[("rack", "B")]), ("/servo", &spare), ("/two", &[])]);
+        let place = folder.path().join("new");
+        recover(&source, &place).unwrap();
+        let found: Vec<_> = messages(&place).unwrap().map(Result::unwrap).collect();
+        let sensors = |name: &str| -> Vec<Option<&str>> {
+            let of_topic = found.iter().filter(|message| message.topic.name == name);
+            of_topic.map(|message| message.topic.metadata.get("sensor").map(String::as_str)).collect()
+        };
+        assert_eq!(sensors("/spool"), [Some("LVDT 3"); 2]);
+        assert_eq!(sensors("/servo"), [Some("LVDT 4"), Some("LVDT 5")], "what a part says itself stays");
+        assert_eq!(sensors("/two"), [Some("LVDT 5"), None, None], "of two senders nobody knows which goes on");
+        assert_eq!(found.last().unwrap().topic.name, "/two");
+        let spool = found.iter().rfind(|message| message.topic.name == "/spool").unwrap();
+        assert_eq!(spool.topic.metadata.get("rack").map(String::as_str), Some("B"));
+    }
+}
