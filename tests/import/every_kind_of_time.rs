@@ -316,6 +316,8 @@ pub(super) fn units_and_zones(cases: &mut Cases) {
 /// Zones in a column of their own, and in two places.
 pub(super) fn zones(cases: &mut Cases) {
     const KIND: &str = "time";
+    const SIGNALS: &str =
+        "signals: {opening_command: cmd, servomotor_position: servo, spool_position: spool, tank_pressure: p tank}\n";
     // The end of summer time lies in the midst: 02:59:59 is followed by 02:00:00.
     let local = |row: &Truth| {
         let ms = (row.time_s * 1e3).round() as u32;
@@ -344,8 +346,6 @@ pub(super) fn zones(cases: &mut Cases) {
         wide(&header, rejection(), |row| day(row) + behind, plain, ",")
     };
     cases.add(KIND, "a column of a zone of several offsets", headed("Time,Zone", ",IST"), Asked("and says `IST`"));
-    const SIGNALS: &str =
-        "signals: {opening_command: cmd, servomotor_position: servo, spool_position: spool, tank_pressure: p tank}\n";
     for (name, header, behind, zone, expected) in [
         (
             "map and header differ",

@@ -75,7 +75,7 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
         let filled: Vec<&String> = cells[k].iter().filter(|cell| !cell.is_empty()).collect();
         let units = filled.iter().filter(|cell| is_unit(cell) || cell.starts_with('[')).count();
         // A number before a unit is a factor beside units alone.
-        let scaled = filled.iter().filter(|cell| !is_unit(cell) && is_any_unit(cell)).count();
+        let scaled = filled.iter().filter(|cell| !is_unit(cell) && stated_unit(cell).is_some()).count();
         units > 0 && 2 * (units + scaled) >= filled.len()
     };
     let units_at = match map.unit_line {
@@ -109,7 +109,8 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
     }
     units.resize(names.len(), String::new());
     for (name, unit) in names.iter().zip(&mut units) {
-        *unit = unit.trim_matches(['[', ']', '(', ')']).to_owned();
+        let alone = unit.trim_matches(['[', ']', '(', ')']);
+        *unit = stated_unit(alone).unwrap_or(alone).to_owned();
         if unit.is_empty() {
             *unit = bracketed(name).map_or_else(String::new, |(_, unit)| unit.to_owned());
         }
@@ -225,7 +226,7 @@ pub(super) fn bracketed(name: &str) -> Option<(&str, &str)> {
     stated.map(str::trim).filter(|bare| !bare.is_empty()).map(|bare| (bare, unit))
 }
 
-/// The unit that stands in brackets, alone or behind a range.
+/// The unit that stands in brackets or below a name, alone or behind a range.
 fn stated_unit(inside: &str) -> Option<&str> {
     if is_any_unit(inside) { Some(inside) } else { range_at_end(inside).map(|range| range.unit) }
 }
@@ -362,6 +363,11 @@ mod tests {
         assert_eq!(
             (scaled.names[1].as_str(), scaled.units[0].as_str(), scaled.units[4].as_str()),
             ("cmd", "10 ms", "0.1 bar")
+        );
+        let ranged = of("Time,cmd,servo,spool,p tank\ns,%,0..250 mm,%,0-160 bar\n0,1.5,1.5,1,63.2\n4,1,1,1,63.2\n");
+        assert_eq!(
+            (ranged.names[2].as_str(), ranged.units[2].as_str(), ranged.units[4].as_str()),
+            ("servo", "mm", "bar")
         );
         let groups = of("Regler;;Anlage\nt;u;p [bar]\n0;1;63\n1;1;63\n");
         assert_eq!((groups.names[1].as_str(), groups.units[2].as_str()), ("u", "bar"));

@@ -119,3 +119,81 @@ pub(super) fn conflict<R: TableRecords>(
     }
     Ok(None)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::import::{Import, ImportOutcome};
+
+    /// The time of the first row of a table, s since 1970, and what there is to say.
+    fn first(header: &str, row: &str, zone: &str) -> (i64, ImportOutcome) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        let next = row.replace(":00:00", ":00:01");
+        std::fs::write(&path, format!("{header};Y\n{row};0.5\n{next};0.5\n")).unwrap();
+        let zone = if zone.is_empty() { String::new() } else { format!("time: {{zone: \"{zone}\"}}\n") };
+        let map = Map::parse(&format!("{zone}signals: {{servomotor_position: Y}}\n"), Path::new("m.yaml")).unwrap();
+        let (mut times_ns, import) = (vec![], Import::open(&[path], &map).unwrap());
+        let mut keep = |row: &crate::import::ImportedRow| {
+            times_ns.push(row.time_ns);
+            Ok::<(), ImportError>(())
+        };
+        let outcome = import.run(&mut keep, &mut |_| ()).unwrap();
+        (times_ns[0] / 1_000_000_000, outcome)
+    }
+
+    #[test]
+    fn the_zone_is_that_of_map_header_or_column_and_a_conflict_is_named() {
+        const NOON: i64 = 1_790_078_400; // 2026-09-22T12:00:00Z
+        for (header, row, zone, offset_s, words) in [
+            ("Date;Time;Zone", "22.09.2026;14:00:00;+02:00", "", 7200, ""),
+            ("Date;Time;TZ", "22.09.2026;14:00:00;CEST", "", 7200, ""),
+            ("Time;Time zone", "2026-09-22 14:00:00;Europe/Zurich", "", 7200, ""),
+            ("Zone;Time", "UTC-0330;2026-09-22 14:00:00", "", -12_600, ""),
+            // Times in no zone need none.
+            ("Time;Zone", "2026-09-22T14:00:00Z;CEST", "", 0, ""),
+            ("Time;Zone", "1790085600;CEST", "", 0, ""),
+            ("Time;Zone", "2026-09-22T14:00:00Z;IST", "", 0, ""),
+            (
+                "Time;Zone",
+                "2026-09-22 14:00:00;IST",
+                "",
+                0,
+                "column `Zone` may hold the zone of the times, and says `IST`",
+            ),
+            ("Time;Zone", "2026-09-22 14:00:00;IST", "Asia/Kolkata", 19_800, ""),
+            ("Time (UTC+0200)", "2026-09-22 14:00:00", "", 7200, ""),
+            ("Time (UTC+0200)", "2026-09-22 14:00:00", "Europe/Zurich", 7200, ""),
+            ("Time (UTC+0200);Zone", "2026-09-22 14:00:00;CEST", "UTC+2", 7200, ""),
+            (
+                "Time (UTC)",
+                "2026-09-22 14:00:00",
+                "+01:00",
+                3600,
+                "the map says `+01:00` of the zone, and the header `Time (UTC)` says `UTC`",
+            ),
+            (
+                "Time;Zone",
+                "2026-09-22 14:00:00;CEST",
+                "UTC",
+                0,
+                "the map says `UTC` of the zone, and column `Zone` says `CEST`",
+            ),
+            (
+                "Time (UTC);Zone",
+                "2026-09-22 14:00:00;CEST",
+                "",
+                0,
+                "the header `Time (UTC)` says `UTC` of the zone, and column `Zone` says `CEST`",
+            ),
+        ] {
+            let (time_s, outcome) = first(header, row, zone);
+            assert_eq!(time_s, NOON + 7200 - offset_s, "{header} {row} {zone}");
+            let said: Vec<&String> = outcome.warnings.iter().filter(|one| one.contains("zone")).collect();
+            assert!(said.is_empty() == words.is_empty(), "{header} {row} {zone}: {said:?}");
+            assert!(words.is_empty() || said.iter().any(|one| one.contains(words)), "{header} {row} {zone}: {said:?}");
+        }
+    }
+}
