@@ -23,6 +23,17 @@ pub(super) fn times(cases: &mut Cases) {
     for header in ["ms of day", "Time [ms]", "ms since midnight"] {
         cases.add(KIND, format!("{header} over midnight"), headed(header, &|row| of_day(row).to_string()), Right);
     }
+    let backwards: Vec<Truth> = rejection().iter().rev().copied().collect();
+    let clock = |row: &Truth| {
+        let (second, ms) = (of_day(row) / 1000, of_day(row) % 1000);
+        format!("{:02}:{:02}:{:02}.{ms:03}", second / 3600, second / 60 % 60, second % 60)
+    };
+    for (header, time) in [("ms of day", &|row: &Truth| of_day(row).to_string()), ("Time", &clock)]
+        as [(&str, &dyn Fn(&Truth) -> String); 2]
+    {
+        let text = wide(&HEADER.replace("Timestamp", header), &backwards, time, plain, ",");
+        cases.add(KIND, format!("{header} over midnight, newest first"), text, Right);
+    }
     cases.add(
         KIND,
         "seconds of day over midnight",
