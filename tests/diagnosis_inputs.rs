@@ -8,9 +8,11 @@ use govtwin_diagnosis::generate::{Scenario, recording};
 use govtwin_diagnosis::result::{Diagnosis, Verdict};
 use govtwin_diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
 use govtwin_model::effects::find;
+use govtwin_model::frame::{Frame, Signals};
 use govtwin_model::parameters::{ENTRIES, EffectSetting, Unit};
 use govtwin_model::params::reference;
 use govtwin_model::recording::{Process, Recording};
+use govtwin_model::signal::Signal;
 
 /// The sheet with a few tolerances only, so that a test takes seconds.
 fn sheet() -> Unit {
@@ -24,8 +26,12 @@ fn sheet() -> Unit {
     unit
 }
 
+fn scenario(unit: &Unit, process: Process, rate_hz: f64) -> Scenario {
+    Scenario { unit: unit.clone(), process, rate_hz, duration_s: 30.0, rich: false, seed: 4 }
+}
+
 fn of(unit: &Unit, process: Process, rate_hz: f64) -> Recording {
-    recording(&Scenario { unit: unit.clone(), process, rate_hz, duration_s: 30.0, rich: false, seed: 4 })
+    recording(&scenario(unit, process, rate_hz))
 }
 
 /// A recording of the reference unit, read from a bag as `diagnose` does: between slow samples the command goes straight.
@@ -165,6 +171,35 @@ fn five_hertz_and_two_processes_are_enough_to_say_nothing_wrong() {
     )
     .unwrap();
     nothing_claimed(&said);
+}
+
+/// A historian of 5 Hz that stores means: a trip looks late in them, which was named as a fault.
+#[test]
+fn means_between_slow_rows_are_named_as_data() {
+    let mut unit = sheet();
+    unit.effects.push(EffectSetting { id: "lvdt_bias".to_owned(), values: vec![0.03] });
+    let stored = |value: fn(&[f64]) -> f64| {
+        let recordings = [Process::LoadRejection, Process::LoadIncrease].map(|process| {
+            let recording = recording(&Scenario { duration_s: 60.0, ..scenario(&unit, process, 100.0) });
+            let rows = recording.frames.chunks_exact(20).flat_map(|rows| {
+                let of = |signal: Signal| value(&rows.iter().map(|row| signal.of(&row.measured)).collect::<Vec<_>>());
+                let stored = Signals {
+                    servomotor_position_pu: of(Signal::ServomotorPosition),
+                    spool_position_pu: of(Signal::SpoolPosition),
+                    ..Signals::NONE
+                };
+                let measured = move |k: usize| if k == 19 { stored } else { Signals::NONE };
+                rows.iter().enumerate().map(move |(k, row)| Frame { measured: measured(k), ..*row })
+            });
+            Recording { frames: rows.collect(), ..recording }
+        });
+        judge(recordings.into()).unwrap()
+    };
+    let said = stored(|values| values.iter().sum::<f64>() / values.len() as f64);
+    assert_eq!(said.verdict, Verdict::Unknown, "{:?}", said.ranking);
+    noted(&said, &["a mean over the time between rows", "No effect is named"]);
+    let said = stored(|values| values[19]);
+    assert_eq!(said.verdict, Verdict::Named, "{:?}", said.ranking);
 }
 
 #[test]

@@ -166,6 +166,13 @@ pub fn diagnose(
     } else if let Some(strange) = homogeneity::disagreement(&problem, &explored, catalogue) {
         decision = decision.forced(Verdict::Unknown);
         notes.push(strange);
+    } else if ready.setup == Setup::Chain
+        && let Some(averaged) = preparation::channels::averaged(&channels, &ready.unit.sensors)
+    {
+        if !decision.blamed.is_empty() {
+            decision = decision.forced(Verdict::Unknown);
+        }
+        notes.push(averaged);
     }
     explored.complete(&problem, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
     let fractions = ExplainedFractions::new(&problem, explored.refitted(), settings.seed);

@@ -2,7 +2,8 @@
 
 use crate::result::ChannelReport;
 use govtwin_model::metrics::{median, noise_of_bends};
-use govtwin_model::recording::Recording;
+use govtwin_model::parameters::Sensors;
+use govtwin_model::recording::{Recording, SLOW_NS};
 use govtwin_model::signal::Signal;
 use govtwin_model::units::seconds_from_nanos;
 
@@ -27,6 +28,37 @@ pub fn survey(recordings: &[Recording]) -> Vec<ChannelReport> {
             (!samples.is_empty()).then(|| channel(recording, signal, &samples))
         })
         .collect()
+}
+
+/// A position with a smaller share of its transducer's noise is a mean: that of four readings has half of it.
+const QUIET: f64 = 0.5;
+
+/// Noise is known where it is so many times the smallest step of the values.
+const RESOLVED: f64 = 2.0;
+
+/// Says in a sentence that positions of a slow recorder are means, where they are: the servomotor's has less noise than one reading has by the data sheet.
+///
+/// A mean over the time between rows shows trips and limits later and softer than they are, as delays and lags do. The spool tells nothing: at rest it
+/// follows the noise that the regulator hears.
+pub fn averaged(channels: &[ChannelReport], sensors: &Sensors) -> Option<String> {
+    let slowest_hz = 1.0 / seconds_from_nanos(SLOW_NS);
+    let is_known = |channel: &&ChannelReport| {
+        channel.signal == Signal::ServomotorPosition
+            && channel.rate_hz < slowest_hz
+            && channel.step > 0.0
+            && channel.noise > RESOLVED * channel.step
+    };
+    // What moves between rows adds to the noise: the quietest recording shows it best.
+    let least = channels.iter().filter(is_known).map(|channel| channel.noise).min_by(f64::total_cmp)?;
+    let share = least / sensors.servomotor_position_pu.noise;
+    (share < QUIET).then(|| {
+        format!(
+            "The servomotor position has {:.0} % of the noise that one reading of its transducer has by the data sheet: it is a mean over the time between \
+             rows, or filtered, in which trips and limits look later and softer. No effect is named for such recordings. Record samples as they are read; \
+             if the transducer is that good, correct `noise` of `sensors.servomotor_position_pu` in the data sheet.",
+            share * 100.0
+        )
+    })
 }
 
 fn channel(recording: &Recording, signal: Signal, samples: &[(f64, f64)]) -> ChannelReport {
@@ -63,5 +95,35 @@ fn channel(recording: &Recording, signal: Signal, samples: &[(f64, f64)]) -> Cha
         step: steps.first().copied().unwrap_or(0.0),
         noise,
         troubles,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use govtwin_model::params::reference;
+
+    #[test]
+    fn means_are_known_by_less_noise_than_a_reading_has_where_a_recorder_is_slow() {
+        let sensors = reference().sensors;
+        let said = |rate_hz: f64, step: f64, share: f64| {
+            let channel = |signal: Signal, noise: f64| ChannelReport {
+                recording: "a".to_owned(),
+                signal,
+                samples: 200,
+                rate_hz,
+                step,
+                noise,
+                troubles: Vec::new(),
+            };
+            let still = channel(Signal::ServomotorPosition, share * sensors.servomotor_position_pu.noise);
+            let moving = channel(Signal::ServomotorPosition, 1.0);
+            averaged(&[moving, still, channel(Signal::SpoolPosition, 2e-5)], &sensors)
+        };
+        let found = said(5.0, 1e-6, 0.25).unwrap();
+        assert!(found.contains("has 25 % of the noise"), "{found}");
+        assert_eq!(said(5.0, 1e-6, 0.9), None);
+        assert_eq!(said(100.0, 1e-6, 0.25), None, "a fast recorder shows what a filter does");
+        assert_eq!(said(5.0, 1e-4, 0.25), None, "in steps as coarse nobody knows the noise");
     }
 }
