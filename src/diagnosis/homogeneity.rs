@@ -49,7 +49,9 @@ pub fn disagreement(problem: &Problem, found: &Explored, catalogue: &[&'static E
     let leader = found.leader();
     let floor = problem.expected_cost();
     let left = leader.cost() - floor;
-    if problem.recordings.len() < 2 || leader.fit.slopes.len() < problem.recordings.len() || left < STRANGE {
+    // What one unit leaves beyond noise is no more than its equations are wrong by.
+    let is_strange = left >= STRANGE.max(STRANGE_SHARES.1 * floor);
+    if problem.recordings.len() < 2 || leader.fit.slopes.len() < problem.recordings.len() || !is_strange {
         return None;
     }
     let least = (STRANGE_SHARES.0 * left).max(STRANGE);
