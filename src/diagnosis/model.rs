@@ -210,7 +210,7 @@ impl FittedModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimation::linear::Projection;
+    use crate::estimation::linear::least_cost;
     use crate::generate::{Scenario, recording};
     use crate::likelihood::noise::expected;
     use crate::likelihood::prepared::PreparedRecording;
@@ -236,7 +236,7 @@ mod tests {
         for recordings in [&[0][..], &[1], &[0, 1]] {
             let slopes: Vec<DMatrix<f64>> = recordings.iter().map(|&k| model.fit.slopes[k].clone()).collect();
             let residuals = recordings.iter().map(|&k| model.fit.residuals[k].clone()).collect();
-            let along = Projection::new(&model.free_parameters, &model.fit.positions, &slopes, 1.0).cost(&residuals);
+            let along = least_cost(&model.free_parameters, &model.fit.positions, &residuals, &slopes);
             let least = model.least_cost_of(recordings);
             assert!((least - along).abs() < 1e-6 * along, "{recordings:?}: {least} for {along}");
         }

@@ -1,36 +1,9 @@
 //! The linear picture about a point: normal equations of residuals and priors, and what they promise.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::estimation::coordinate::{Coordinate, Residuals, prior_square, square};
-
-/// A position whose slopes tell, for residuals near it, the least cost that could be reached along them, to first order.
-#[derive(Debug)]
-pub struct Projection<'a, C> {
-    coordinates: &'a [C],
-    positions: &'a [f64],
-    slopes: &'a [DMatrix<f64>],
-    temperature: f64,
-    solver: Option<Cholesky<f64, Dyn>>,
-}
-
-impl<'a, C: Coordinate> Projection<'a, C> {
-    /// Slopes and coordinates may be of different number: coordinates without a slope stay where they are, slopes without a coordinate are free.
-    pub fn new(coordinates: &'a [C], positions: &'a [f64], slopes: &'a [DMatrix<f64>], temperature: f64) -> Self {
-        let n = slopes.first().map_or(0, DMatrix::ncols);
-        let coordinates = &coordinates[..n.min(coordinates.len())];
-        let solver = (hessian(coordinates, slopes, temperature) + DMatrix::identity(n, n) * 1e-9).cholesky();
-        Self { coordinates, positions, slopes, temperature, solver }
-    }
-
-    /// The least cost from these residuals on.
-    pub fn cost(&self, residuals: &Residuals) -> f64 {
-        let cost = square(residuals) / self.temperature + prior_square(self.coordinates, self.positions);
-        let gradient = gradient(self.coordinates, self.positions, residuals, self.slopes, self.temperature);
-        self.solver.as_ref().map_or(cost, |solver| cost - gradient.dot(&solver.solve(&gradient)))
-    }
-}
 
 /// Rows of a block that stays in the cache.
 const BLOCK_ROWS: usize = 1024;
@@ -80,43 +53,38 @@ pub fn normal<C: Coordinate>(
     coordinates: &[C],
     positions: &[f64],
     residuals: &Residuals,
-    slope: &[DMatrix<f64>],
+    slopes: &[DMatrix<f64>],
     temperature: f64,
 ) -> (DMatrix<f64>, DVector<f64>) {
-    (hessian(coordinates, slope, temperature), gradient(coordinates, positions, residuals, slope, temperature))
-}
-
-fn hessian<C: Coordinate>(coordinates: &[C], slopes: &[DMatrix<f64>], temperature: f64) -> DMatrix<f64> {
     let n = slopes.first().map_or(coordinates.len(), DMatrix::ncols);
-    let mut hessian = DMatrix::zeros(n, n);
-    for slopes in slopes {
+    let (mut hessian, mut gradient) = (DMatrix::zeros(n, n), DVector::zeros(n));
+    for (slopes, residuals) in slopes.iter().zip(residuals) {
         hessian += crossed(slopes, slopes);
+        gradient += slopes.tr_mul(residuals);
     }
     hessian /= temperature;
-    for (k, _) in coordinates.iter().enumerate().filter(|(_, coordinate)| coordinate.prior_centre().is_some()) {
-        hessian[(k, k)] += 1.0;
+    gradient /= temperature;
+    for (k, coordinate) in coordinates.iter().enumerate() {
+        if let Some(centre) = coordinate.prior_centre() {
+            hessian[(k, k)] += 1.0;
+            gradient[k] += positions[k] - centre;
+        }
     }
-    hessian
+    (hessian, gradient)
 }
 
-fn gradient<C: Coordinate>(
+/// The least cost that can be reached along slopes from a position, to first order.
+pub fn least_cost<C: Coordinate>(
     coordinates: &[C],
     positions: &[f64],
     residuals: &Residuals,
     slopes: &[DMatrix<f64>],
-    temperature: f64,
-) -> DVector<f64> {
-    let mut gradient = DVector::zeros(slopes.first().map_or(coordinates.len(), DMatrix::ncols));
-    for (slopes, residuals) in slopes.iter().zip(residuals) {
-        gradient += slopes.tr_mul(residuals);
-    }
-    gradient /= temperature;
-    for (k, centre) in
-        coordinates.iter().enumerate().filter_map(|(k, coordinate)| Some((k, coordinate.prior_centre()?)))
-    {
-        gradient[k] += positions[k] - centre;
-    }
-    gradient
+) -> f64 {
+    let (hessian, gradient) = normal(coordinates, positions, residuals, slopes, 1.0);
+    let cost = square(residuals) + prior_square(coordinates, positions);
+    let n = hessian.nrows();
+    let solver = (hessian + DMatrix::identity(n, n) * 1e-9).cholesky();
+    solver.map_or(cost, |solver| cost - gradient.dot(&solver.solve(&gradient)))
 }
 
 #[cfg(test)]
@@ -138,15 +106,15 @@ mod tests {
         let positions = vec![0.4, -0.2, 0.1];
         let residuals = vec![DVector::from_fn(40, |row, _| 3.0 * value(row, 0) + 2.0 * value(row, 1))];
         let slopes = vec![DMatrix::from_fn(40, 3, |row, column| value(row, column + 1))];
-        let (hessian, gradient) = normal(&free_parameters, &positions, &residuals, &slopes, 2.0);
+        let (hessian, gradient) = normal(&free_parameters, &positions, &residuals, &slopes, 1.0);
         let step = hessian.cholesky().unwrap().solve(&gradient);
         let there: Vec<f64> = positions.iter().zip(&step).map(|(position, step)| position - step).collect();
         let left = vec![&residuals[0] - &slopes[0] * &step];
-        let solved = square(&left) / 2.0 + prior_square(&free_parameters, &there);
-        let nothing = square(&residuals) / 2.0 + prior_square(&free_parameters, &positions);
+        let solved = square(&left) + prior_square(&free_parameters, &there);
+        let nothing = square(&residuals) + prior_square(&free_parameters, &positions);
         assert!(solved < 0.95 * nothing, "{solved} of {nothing}");
-        let projected = Projection::new(&free_parameters, &positions, &slopes, 2.0).cost(&residuals);
-        assert!((projected - solved).abs() < 1e-6 * solved, "{projected} for {solved}");
+        let least = least_cost(&free_parameters, &positions, &residuals, &slopes);
+        assert!((least - solved).abs() < 1e-6 * solved, "{least} for {solved}");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use crate::benchmark::validation::laid_along;
 use govtwin_diagnosis::estimation::coordinate::Residuals;
 use govtwin_diagnosis::estimation::fit::{beside, pictured};
-use govtwin_diagnosis::estimation::linear::Projection;
+use govtwin_diagnosis::estimation::linear::least_cost;
 use govtwin_diagnosis::identification::free_parameter::FreeParameter;
 use govtwin_model::effects::find;
 use govtwin_model::parameters::{EffectSetting, Unit};
@@ -57,5 +57,5 @@ pub fn expected_log_bayes_factor(
             *columns = beside(columns, &DMatrix::from_columns(&[answer]));
         }
     }
-    Some(Projection::new(&free_parameters, &zeros, &columns, 1.0).cost(&change).max(0.0))
+    Some(least_cost(&free_parameters, &zeros, &change, &columns).max(0.0))
 }
