@@ -116,13 +116,12 @@ impl TableHead {
             (None, Some(time)) if DATA.1.contains(&bare(&self.names[time]).as_str()) && find(DATA.0).is_some() => {
                 find(DATA.0).into_iter().chain([time]).collect()
             }
-            _ => match first(TIMES).filter(|place| bare(&self.names[*place]) != "index") {
-                Some(place) => vec![place],
-                None => {
-                    let of_day = || self.names.iter().position(|name| says_of_day(name));
-                    self.seconds().or_else(|| Some(vec![of_day().or_else(|| first(TIMES))?])).unwrap_or_default()
-                }
-            },
+            _ => {
+                let named = first(TIMES).filter(|place| bare(&self.names[*place]) != "index");
+                let of_day = || self.names.iter().position(|name| says_of_day(name));
+                let other = || self.seconds().or_else(|| Some(vec![of_day().or_else(|| first(TIMES))?]));
+                named.map(|place| vec![place]).or_else(other).unwrap_or_default()
+            }
         }
     }
 
