@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::record::Record;
-use super::topic::{HASH_KEY, MessageDefinition, QOS_KEY, RawView, TopicInfo};
+use super::topic::{HASH_KEY, QOS_KEY, RawView, TopicInfo};
 
 /// Schemas and channels met so far.
 #[derive(Debug, Default)]
@@ -37,28 +37,6 @@ impl Channels {
     pub(super) fn complete(&mut self, known: &BTreeMap<String, (String, String)>) {
         for topic in self.topics.values_mut() {
             complete(topic, known);
-        }
-    }
-
-    /// Adds what channels of earlier parts of a bag state beside their topics, and these do not, as a recorder may state it once; and says what these
-    /// state. Several channels of one definition in a part are of several senders, which say nothing of others.
-    pub(super) fn inherit(&mut self, stated: &mut BTreeMap<MessageDefinition, Arc<TopicInfo>>) {
-        let mut own: BTreeMap<MessageDefinition, Option<Arc<TopicInfo>>> = BTreeMap::new();
-        for topic in self.topics.values_mut() {
-            let definition = topic.definition();
-            let lacks =
-                |earlier: &&Arc<TopicInfo>| earlier.metadata.keys().any(|key| !topic.metadata.contains_key(key));
-            if let Some(earlier) = stated.get(&definition).filter(lacks) {
-                let inherited = earlier.metadata.clone();
-                let kept = std::mem::replace(&mut Arc::make_mut(topic).metadata, inherited);
-                Arc::make_mut(topic).metadata.extend(kept);
-            }
-            own.entry(definition).and_modify(|known| *known = None).or_insert_with(|| Some(Arc::clone(topic)));
-        }
-        for (definition, topic) in own {
-            if let Some(topic) = topic {
-                stated.entry(definition).or_insert(topic);
-            }
         }
     }
 

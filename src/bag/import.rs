@@ -23,7 +23,6 @@ mod rewrite;
 mod row;
 mod run;
 mod source;
-mod stated_range;
 mod streams;
 pub mod suggest;
 mod topics;

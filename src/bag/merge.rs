@@ -1,7 +1,7 @@
 //! All messages of a bag in log-time order, loading only the pieces that overlap.
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, BinaryHeap, VecDeque};
+use std::collections::{BinaryHeap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -187,10 +187,8 @@ pub fn messages(path: &Path) -> Result<MergedMessages, BagError> {
     }
     let mut loaders = vec![];
     let mut waiting = vec![];
-    let mut stated = BTreeMap::new();
     for (number, (file, (mut channels, segments))) in source.files.into_iter().zip(scanned.parts).enumerate() {
         channels.complete(&known);
-        channels.inherit(&mut stated);
         loaders.push(PieceLoader::open(file, channels)?);
         waiting.extend(segments.into_iter().map(|segment| (number, segment)));
     }

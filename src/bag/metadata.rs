@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use serde_yaml::Value;
 
 use govtwin_files::check_yaml;
 
@@ -25,7 +24,7 @@ pub(super) struct Metadata {
     /// How many messages it counts on each topic.
     pub(super) counts: BTreeMap<String, u64>,
     /// What the recording's user said of it.
-    pub(super) custom_data: Option<Value>,
+    pub(super) custom_data: Option<serde_yaml::Value>,
 }
 
 impl Metadata {
@@ -68,20 +67,20 @@ struct ReadInformation {
     #[serde(default)]
     compression_format: String,
     #[serde(default)]
-    topics_with_message_count: Vec<Value>,
-    custom_data: Option<Value>,
+    topics_with_message_count: Vec<serde_yaml::Value>,
+    custom_data: Option<serde_yaml::Value>,
 }
 
 /// Name of a topic, and how many messages it has.
-fn count(entry: &Value) -> Option<(String, u64)> {
+fn count(entry: &serde_yaml::Value) -> Option<(String, u64)> {
     let name = entry.get("topic_metadata")?.get("name")?.as_str()?;
     Some((name.to_owned(), entry.get("message_count")?.as_u64()?))
 }
 
 /// Name, qualities of service and type hash of a topic; up to version 8 the qualities are YAML within a text.
-fn topic(entry: &Value) -> Option<(String, (String, String))> {
+fn topic(entry: &serde_yaml::Value) -> Option<(String, (String, String))> {
     let topic = entry.get("topic_metadata")?;
-    let text = |key: &str| topic.get(key).and_then(Value::as_str).unwrap_or_default().to_owned();
+    let text = |key: &str| topic.get(key).and_then(serde_yaml::Value::as_str).unwrap_or_default().to_owned();
     let profiles =
         topic.get("offered_qos_profiles").filter(|profiles| profiles.as_sequence().is_some_and(|all| !all.is_empty()));
     let profiles = match profiles {
@@ -110,7 +109,7 @@ pub(super) struct Summary {
     pub(super) duration_ns: i64,
     pub(super) message_count: u64,
     pub(super) topics: Vec<TopicSummary>,
-    pub(super) custom_data: Option<Value>,
+    pub(super) custom_data: Option<serde_yaml::Value>,
 }
 
 impl Summary {
@@ -134,35 +133,11 @@ impl Summary {
                 duration: duration(),
                 message_count: self.message_count,
             }],
-            custom_data: self.custom_data.as_ref().map(marked),
+            custom_data: self.custom_data.as_ref(),
             ros_distro: "jazzy",
         };
-        let text = serde_yaml::to_string(&Outer { rosbag2_bagfile_information: information });
-        text.map(|text| text.replace(&format!("'{MARK}"), "'")).map_err(|error| error.to_string())
+        serde_yaml::to_string(&Outer { rosbag2_bagfile_information: information }).map_err(|error| error.to_string())
     }
-}
-
-/// Begins texts that are to be quoted: none may begin with its sign and stand without quotation marks.
-const MARK: &str = "@quoted:";
-
-/// A value in which texts are marked that must be quoted, keys among them.
-fn marked(value: &Value) -> Value {
-    match value {
-        Value::String(text) if is_ambiguous(text) || text.starts_with(MARK) => Value::String(format!("{MARK}{text}")),
-        Value::Sequence(values) => Value::Sequence(values.iter().map(marked).collect()),
-        Value::Mapping(pairs) => {
-            Value::Mapping(pairs.iter().map(|(key, value)| (marked(key), marked(value))).collect())
-        }
-        other => other.clone(),
-    }
-}
-
-/// Whether YAML 1.1, by which many programs read, takes a text for something else: a truth value, a sign, a number or a time.
-fn is_ambiguous(text: &str) -> bool {
-    let is_word = ["y", "yes", "n", "no", "on", "off", "=", "<<"].contains(&text.to_ascii_lowercase().as_str());
-    let is_of_numbers = |letter: char| letter.is_ascii_hexdigit() || "+-._:xobtTzZ ".contains(letter);
-    let begins = text.starts_with(|letter: char| letter.is_ascii_digit() || "+-.".contains(letter));
-    is_word || begins && text.chars().all(is_of_numbers)
 }
 
 #[derive(Debug, Serialize)]
@@ -177,7 +152,7 @@ struct WriteInformation<'a> {
     compression_mode: &'a str,
     relative_file_paths: [&'a str; 1],
     files: [WriteFile<'a>; 1],
-    custom_data: Option<Value>,
+    custom_data: Option<&'a serde_yaml::Value>,
     ros_distro: &'a str,
 }
 
@@ -211,7 +186,7 @@ struct WriteTopicMetadata<'a> {
     #[serde(rename = "type")]
     type_name: &'a str,
     serialization_format: &'a str,
-    offered_qos_profiles: Value,
+    offered_qos_profiles: serde_yaml::Value,
     type_description_hash: &'a str,
 }
 
@@ -221,7 +196,7 @@ impl<'a> WriteTopic<'a> {
         // They come from a bag. What is no YAML of that size stays text, as up to version 8 all of them did.
         let sound = profiles.len() <= LONGEST_PROFILES && check_yaml(profiles).is_ok();
         let parsed = if sound { serde_yaml::from_str(profiles).ok() } else { None };
-        let profiles = parsed.unwrap_or_else(|| Value::String(profiles.to_owned()));
+        let profiles = parsed.unwrap_or_else(|| serde_yaml::Value::String(profiles.to_owned()));
         Self {
             topic_metadata: WriteTopicMetadata {
                 name: &topic.name,
@@ -232,43 +207,5 @@ impl<'a> WriteTopic<'a> {
             },
             message_count: topic.message_count,
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn texts_that_older_readers_would_take_for_something_else_are_quoted() {
-        let custom: Value = serde_yaml::from_str(
-            "{guards closed: yes, sign: =, from: 12:30, day: 2026-09-22, serial: 1_000, on: [off, open], rig: bench 2, count: 3, words: 'yes, they are'}",
-        )
-        .unwrap();
-        let summary = Summary {
-            file_name: "a_0.mcap".to_owned(),
-            starting_time_ns: 0,
-            duration_ns: 0,
-            message_count: 0,
-            topics: vec![],
-            custom_data: Some(custom.clone()),
-        };
-        let text = summary.to_yaml().unwrap();
-        for line in [
-            "guards closed: 'yes'",
-            "sign: '='",
-            "from: '12:30'",
-            "day: '2026-09-22'",
-            "serial: '1_000'",
-            "'on':",
-            "- 'off'",
-            "- open",
-            "rig: bench 2",
-            "count: 3",
-            "words: yes, they are",
-        ] {
-            assert!(text.lines().any(|known| known.trim() == line), "{line}\n{text}");
-        }
-        assert_eq!(Metadata::parse(&text).unwrap().custom_data, Some(custom));
     }
 }

@@ -407,7 +407,6 @@ fn nothing_is_read_wrong_without_a_word() {
         senders,
         of_time::times,
         of_time::units_and_zones,
-        of_time::zones,
         numbers,
         of_value::meanings,
         of_value::qualities,

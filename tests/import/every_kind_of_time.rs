@@ -23,17 +23,6 @@ pub(super) fn times(cases: &mut Cases) {
     for header in ["ms of day", "Time [ms]", "ms since midnight"] {
         cases.add(KIND, format!("{header} over midnight"), headed(header, &|row| of_day(row).to_string()), Right);
     }
-    let backwards: Vec<Truth> = rejection().iter().rev().copied().collect();
-    let clock = |row: &Truth| {
-        let (second, ms) = (of_day(row) / 1000, of_day(row) % 1000);
-        format!("{:02}:{:02}:{:02}.{ms:03}", second / 3600, second / 60 % 60, second % 60)
-    };
-    for (header, time) in [("ms of day", &|row: &Truth| of_day(row).to_string()), ("Time", &clock)]
-        as [(&str, &dyn Fn(&Truth) -> String); 2]
-    {
-        let text = wide(&HEADER.replace("Timestamp", header), &backwards, time, plain, ",");
-        cases.add(KIND, format!("{header} over midnight, newest first"), text, Right);
-    }
     cases.add(
         KIND,
         "seconds of day over midnight",
@@ -322,59 +311,4 @@ pub(super) fn units_and_zones(cases: &mut Cases) {
         format!("22.09.2026 {hour}{} {zone}", &iso(row)[13..23])
     };
     cases.add(KIND, "summer time and winter time in letters", headed("Zeit", &by_turns), Right);
-}
-
-/// Zones in a column of their own, and in two places.
-pub(super) fn zones(cases: &mut Cases) {
-    const KIND: &str = "time";
-    const SIGNALS: &str =
-        "signals: {opening_command: cmd, servomotor_position: servo, spool_position: spool, tank_pressure: p tank}\n";
-    // The end of summer time lies in the midst: 02:59:59 is followed by 02:00:00.
-    let local = |row: &Truth| {
-        let ms = (row.time_s * 1e3).round() as u32;
-        let is_summer = ms < 20_000;
-        let of_day_ms = if is_summer { 10_780_000 + ms } else { 7_180_000 + ms };
-        let (minutes, second_ms) = (of_day_ms / 60_000, of_day_ms % 60_000);
-        let time = format!("{:02}:{:02}:{:02}.{:03}", minutes / 60, minutes % 60, second_ms / 1000, second_ms % 1000);
-        (is_summer, time)
-    };
-    for (name, header, summer, winter) in [
-        ("offsets", "Date,Time,Zone", "+02:00", "+01:00"),
-        ("abbreviations", "Date,Time,Zone", "CEST", "CET"),
-        ("offsets by another name", "Date,Time,UTC offset", "UTC+0200", "UTC+0100"),
-        ("one zone", "Date,Time,Zone", "Europe/Zurich", "Europe/Zurich"),
-    ] {
-        let time = |row: &Truth| {
-            let (is_summer, time) = local(row);
-            format!("25.10.2026,{time},{}", if is_summer { summer } else { winter })
-        };
-        let header = HEADER.replace("Timestamp", header);
-        cases.add(KIND, format!("a column of {name}"), wide(&header, rejection(), time, plain, ","), Right);
-    }
-    let day = |row: &Truth| format!("22.09.2026 {}", &iso(row)[11..23]);
-    let headed = |header: &str, behind: &str| {
-        let header = HEADER.replace("Timestamp", header);
-        wide(&header, rejection(), |row| day(row) + behind, plain, ",")
-    };
-    cases.add(KIND, "a column of a zone of several offsets", headed("Time,Zone", ",IST"), Asked("and says `IST`"));
-    for (name, header, behind, zone, expected) in [
-        (
-            "map and header differ",
-            "Time (UTC+02:00)",
-            "",
-            "+01:00",
-            Asked("the map says `+01:00` of the zone, and the header `Time (UTC+02:00)` says"),
-        ),
-        ("map and header are one", "Time (UTC+02:00)", "", "Europe/Zurich", Right),
-        ("map and column differ", "Time,Zone", ",CEST", "UTC", Asked("and column `Zone` says `CEST`")),
-    ] {
-        let map: &'static str = Box::leak(format!("time: {{zone: \"{zone}\"}}\n{SIGNALS}").into_boxed_str());
-        cases.by_map(KIND, name, headed(header, behind), map, expected);
-    }
-    cases.add(
-        KIND,
-        "header and column differ",
-        headed("Time (UTC),Zone", ",CEST"),
-        Asked("and column `Zone` says `CEST`"),
-    );
 }

@@ -88,19 +88,6 @@ pub(super) fn meanings(cases: &mut Cases) {
         }
         cases.add(KIND, name, text, expected);
     }
-    // What remains between command and position is neither.
-    for (name, command, expected) in [
-        ("a deviation beside its command", ",Y_SP [%]", Right),
-        ("a deviation without its command", "", Asked("opening_command: no column found")),
-    ] {
-        let mut text = format!("t [s],Y position error [%],Y_PV [%],HSV [%],P_OIL [bar]{command}\n");
-        for row in rejection() {
-            let [setpoint, position, spool, pressure] = row.values;
-            let last = if command.is_empty() { String::new() } else { format!(",{setpoint}") };
-            let _ = writeln!(text, "{:.2},{:.4},{position},{spool},{pressure}{last}", row.time_s, setpoint - position);
-        }
-        cases.add(KIND, name, text, expected);
-    }
 }
 
 /// Factors of units, and what names say of pressures.
@@ -125,33 +112,6 @@ pub(super) fn units(cases: &mut Cases) {
         map,
         Refused("may mean 0.1 bar or 10 bar"),
     );
-    for bits in [16, 32] {
-        let unsigned = |value: f64, k: usize| {
-            if k == 2 { ((value * 100.0).round() as i64).rem_euclid(1 << bits).to_string() } else { value.to_string() }
-        };
-        let table = timed(&header.replace("spool [%]", "spool [0.01 %]"), unsigned, ",");
-        cases.add(KIND, format!("a spool of {bits} bits without its sign"), table, Right);
-        let unit =
-            |tag: &str| if tag == TAGS[2] { "0.01 %" } else { UNITS[TAGS.iter().position(|one| *one == tag).unwrap()] };
-        let value = |tag: &str, value: f64| unsigned(value, if tag == TAGS[2] { 2 } else { 0 });
-        let lines = tall("Tag,Timestamp,Value,Unit", bits == 16, |tag, row, number| {
-            format!("{tag},{},{},{}", iso(row), value(tag, number), unit(tag))
-        });
-        cases.add(KIND, format!("lines of a spool of {bits} bits without its sign"), lines, Right);
-    }
-    let shares = "t [s],cmd (0-100 %),servo [0..100 %],spool (\u{b1}100 %),p tank [0..160 bar]";
-    cases.add(KIND, "ranges in headers", timed(shares, plain, ","), Right);
-    for (name, column, k, cell, words) in [
-        ("a range in mm", "Guide vane [0..250 mm]", 1, [0.0, 2.5], "its header states 0..250 mm"),
-        ("a range of a spool, in mm", "spool 4-20 mA = -10..10 mm", 2, [0.0, 0.1], "its header states -10..10 mm"),
-        ("a range of a spool, in mA", "spool 4-20 mA = -10..10 mm", 2, [12.0, 0.08], "its header states 4..20 mA"),
-        ("a range of a pressure, in mA", "p tank [0..160 bar]", 3, [4.0, 0.1], "may be the current of a transmitter"),
-    ] {
-        let names: Vec<&str> = header.split(',').collect();
-        let header = header.replace(names[k + 1], column);
-        let cell = |value: f64, of: usize| if of == k { cell[0] + cell[1] * value } else { value }.to_string();
-        cases.add(KIND, name, timed(&header, cell, ","), Asked(words));
-    }
     for name in ["P_OIL_ABS [bar]", "Öldruck absolut [bar]", "油罐绝对压力(MPa)"] {
         let in_bar = if name.contains("MPa") { 10.0 } else { 1.0 };
         let cell = |value: f64, k: usize| if k < 3 { value } else { (value + 1.01325) / in_bar }.to_string();
@@ -199,25 +159,6 @@ pub(super) fn formats(cases: &mut Cases) {
     cases.add(KIND, "WinCC", wincc("\"", true, true, 0..0), Right);
     cases.add(KIND, "WinCC, row by row", wincc("", false, false, 0..0), Right);
     cases.add(KIND, "WinCC, values that are not valid", wincc("\"", true, true, 300..330), Rest);
-    // Rockwell's logs: milliseconds beside the time, and states that are blank where all is well.
-    let of_day = |row: &Truth| format!("9/22/2026 6:{} PM", &iso(row)[14..19]);
-    let ms = |row: &Truth| iso(row)[20..23].parse::<u16>().unwrap();
-    let mut wide =
-        "Date;Time;Millitm;Marker;Sts_cmd;cmd [%];Sts_servo;servo [%];Sts_spool;spool [%];Sts_tank;tank [bar]\n"
-            .to_owned();
-    let mut tall = "DateAndTime,Millitm,TagName,Val,Status,Marker\n".to_owned();
-    for (k, row) in rejection().iter().enumerate() {
-        let [command, servomotor, spool, pressure] = row.values;
-        let (state, servomotor) = if (300..330).contains(&k) { ("E", 0.0) } else { (" ", servomotor) };
-        let (time, ms, marker) = (of_day(row), ms(row), if k == 0 { "B" } else { " " });
-        let (date, of_day) = time.split_once(' ').unwrap();
-        let _ = writeln!(wide, "{date};{of_day};{ms};{marker}; ;{command};{state};{servomotor}; ;{spool}; ;{pressure}");
-        for (tag, value) in TAGS.iter().zip(row.values) {
-            let _ = writeln!(tall, "{time},{ms},{tag},{value}, ,{marker}");
-        }
-    }
-    cases.add(KIND, "Rockwell, a column for each tag", wide, Rest);
-    cases.add(KIND, "Rockwell, one value a line", tall, Right);
     let cfg = "PLANT,GOV,1999\n1,1A,0D\n1,Y,,,%,0.01,0,0,-32767,32767,1,1,P\n50\n";
     cases.add(KIND, "COMTRADE", cfg.to_owned(), Refused("COMTRADE"));
     cases.add(KIND, "COMTRADE in one file", format!("--- file type: CFG ---\n{cfg}"), Refused("COMTRADE"));

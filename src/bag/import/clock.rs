@@ -8,17 +8,16 @@ mod zone;
 
 use std::borrow::Cow;
 
+use jiff::Timestamp;
 use jiff::civil::{Date, DateTime, Time};
 use jiff::fmt::strtime::BrokenDownTime;
 use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
-use jiff::{Span, Timestamp};
 
 use super::map::TimeMap;
 use super::number::{Numbers, decimal, decimal_ns};
 
 pub(super) use detect::{are_times, detect, says_of_day};
 pub use format::Format;
-use words::in_cell;
 pub(super) use zone::of_header as zone_of_header;
 use zone::zone;
 
@@ -50,8 +49,6 @@ pub struct TimeReader {
     format: Format,
     numbers: Numbers,
     zone: TimeZone,
-    /// What the newest cell of a column of zones says.
-    zone_cell: String,
     /// What a word behind the present time says of its zone.
     offset: Option<Offset>,
     /// The moment of relative times, ns, and the day of times without a date.
@@ -64,7 +61,7 @@ pub struct TimeReader {
     /// The newest count of a relative time, ns, and what the counter has lost by beginning anew, ns.
     last_count_ns: i64,
     wrapped_ns: i64,
-    /// It counts from midnight by the name of its column, or times of day are written as such.
+    /// Its column says that it counts from midnight.
     of_day: bool,
     /// How often a counter began anew.
     pub wraps: u64,
@@ -83,12 +80,10 @@ impl TimeReader {
     /// In words, with the key of the map, where zone or start are none.
     pub(super) fn new(format: Format, map: &TimeMap, numbers: &Numbers) -> Result<Self, String> {
         let zone = map.zone.as_deref().map_or(Ok(TimeZone::UTC), zone)?;
-        let of_day = matches!(format, Format::Pattern(_)) || map.columns.iter().any(|name| says_of_day(name));
         let mut clock = Self {
             format,
             numbers: numbers.clone(),
             zone,
-            zone_cell: String::new(),
             offset: None,
             start_ns: 0,
             day: None,
@@ -97,7 +92,7 @@ impl TimeReader {
             last_of_day_ns: 0,
             last_count_ns: 0,
             wrapped_ns: 0,
-            of_day,
+            of_day: map.columns.iter().any(|name| says_of_day(name)),
             wraps: 0,
             folded: 0,
             has_zone: map.zone.is_some(),
@@ -121,20 +116,6 @@ impl TimeReader {
     /// How its times are written.
     pub(super) fn format(&self) -> &Format {
         &self.format
-    }
-
-    /// Takes the zone of the next time from a cell of its own.
-    ///
-    /// # Errors
-    /// In words, where it states none.
-    pub(super) fn take_zone(&mut self, cell: &str) -> Result<(), String> {
-        if self.zone_cell != cell {
-            let wanted = || format!("expected a zone such as +02:00, CET or Europe/Zurich, found `{cell}`");
-            self.zone = in_cell(cell).ok_or_else(wanted)?;
-            cell.clone_into(&mut self.zone_cell);
-        }
-        self.has_zone = true;
-        Ok(())
     }
 
     /// One time, ns since 1970.
@@ -177,8 +158,8 @@ impl TimeReader {
     /// A count that goes on where a counter of 16 or 32 bits, or a day, begins anew.
     fn unwrapped(&mut self, count_ns: i64, unit_ns: i64) -> i64 {
         let last_ns = std::mem::replace(&mut self.last_count_ns, count_ns);
-        if let days @ (-1 | 1) = self.midnights_between(last_ns, count_ns) {
-            self.wrapped_ns = self.wrapped_ns.saturating_add(days * DAY_NS);
+        if self.is_midnight(last_ns, count_ns) {
+            self.wrapped_ns = self.wrapped_ns.saturating_add(DAY_NS);
             self.wraps += 1;
         } else if last_ns.saturating_sub(count_ns) > unit_ns.saturating_mul(COUNTS[0] / 2) {
             let begins_anew = |counts: &i64| {
@@ -198,15 +179,11 @@ impl TimeReader {
         count_ns.saturating_add(self.wrapped_ns)
     }
 
-    /// The midnights that a count of the time of day passes between two rows, ns: one, or minus one where the newest row stands first.
-    fn midnights_between(&self, last_ns: i64, count_ns: i64) -> i64 {
-        let of_day = [last_ns, count_ns].iter().all(|count_ns| (0..DAY_NS).contains(count_ns));
-        let forward_ns = if self.of_day { MIDNIGHT_NS } else { DAY_NS - NEAR_MIDNIGHT_NS };
-        match last_ns.saturating_sub(count_ns) {
-            fell_ns if of_day && fell_ns > forward_ns => 1,
-            fell_ns if of_day && fell_ns < NEAR_MIDNIGHT_NS - DAY_NS && self.newest_ns.is_some() => -1,
-            _ => 0,
-        }
+    /// Whether a count of the time of day passes midnight between two rows, ns.
+    fn is_midnight(&self, last_ns: i64, count_ns: i64) -> bool {
+        let fell_ns = last_ns.saturating_sub(count_ns);
+        let far = if self.of_day { MIDNIGHT_NS } else { DAY_NS - NEAR_MIDNIGHT_NS };
+        fell_ns > far && last_ns < DAY_NS && count_ns >= 0
     }
 
     /// A count of days since some zero as ns since 1970.
@@ -279,11 +256,12 @@ impl TimeReader {
             return self.at(date.to_datetime(time));
         }
         let of_day_ns = i64::try_from((time.duration_since(Time::midnight())).as_nanos()).unwrap_or(0);
-        self.midnights += self.midnights_between(self.last_of_day_ns, of_day_ns);
+        if self.last_of_day_ns - of_day_ns > MIDNIGHT_NS {
+            self.midnights += 1;
+        }
         self.last_of_day_ns = of_day_ns;
         let day = self.day.unwrap_or(Date::constant(1970, 1, 1));
-        let days = Span::new().try_days(self.midnights).map_err(short)?;
-        let day = day.checked_add(days).map_err(short)?;
+        let day = (0..self.midnights).try_fold(day, |day, _| day.tomorrow()).map_err(short)?;
         self.at(day.to_datetime(time))
     }
 
@@ -319,11 +297,6 @@ impl TimeReader {
             )),
         }
     }
-}
-
-/// Whether a cell states a zone and nothing else.
-pub(super) fn is_zone(cell: &str) -> bool {
-    in_cell(cell).is_some()
 }
 
 fn ns(timestamp: Timestamp) -> Result<i64, String> {

@@ -3,7 +3,6 @@
 use super::convert::{is_any_unit, is_unit, pressure, with_factor};
 use super::map::FileMap;
 use super::number::{NumberCell, Numbers, groups};
-use super::stated_range::range_at_end;
 
 /// Lines of a sample that are looked at.
 const MOST_LINES: usize = 200;
@@ -75,7 +74,7 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
         let filled: Vec<&String> = cells[k].iter().filter(|cell| !cell.is_empty()).collect();
         let units = filled.iter().filter(|cell| is_unit(cell) || cell.starts_with('[')).count();
         // A number before a unit is a factor beside units alone.
-        let scaled = filled.iter().filter(|cell| !is_unit(cell) && stated_unit(cell).is_some()).count();
+        let scaled = filled.iter().filter(|cell| !is_unit(cell) && is_any_unit(cell)).count();
         units > 0 && 2 * (units + scaled) >= filled.len()
     };
     let units_at = match map.unit_line {
@@ -109,8 +108,7 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
     }
     units.resize(names.len(), String::new());
     for (name, unit) in names.iter().zip(&mut units) {
-        let alone = unit.trim_matches(['[', ']', '(', ')']);
-        *unit = stated_unit(alone).unwrap_or(alone).to_owned();
+        *unit = unit.trim_matches(['[', ']', '(', ')']).to_owned();
         if unit.is_empty() {
             *unit = bracketed(name).map_or_else(String::new, |(_, unit)| unit.to_owned());
         }
@@ -201,8 +199,10 @@ pub(super) fn bracketed(name: &str) -> Option<(&str, &str)> {
         let outer = name[..open]
             .rfind(['[', '('])
             .filter(|_| name.ends_with("])") || name.ends_with(")]") || name.ends_with("))"));
-        let found =
-            [Some(open), outer].into_iter().flatten().find_map(|open| Some((open, stated_unit(inside(open)?)?)));
+        let found = [Some(open), outer]
+            .into_iter()
+            .flatten()
+            .find_map(|open| Some((open, inside(open).filter(|unit| is_any_unit(unit))?)));
         return found.filter(|(open, _)| *open > 0).map(|(open, unit)| (name[..open].trim(), unit));
     }
     let scaled = [" / ", ", ", " in "].iter().filter_map(|sign| name.rsplit_once(sign));
@@ -224,11 +224,6 @@ pub(super) fn bracketed(name: &str) -> Option<(&str, &str)> {
     let behind = [" /", " in", ","].iter().find_map(|sign| rest.strip_suffix(sign));
     let stated = behind.filter(|_| is_unit(unit)).or((sure && unit.len() > 1 || unit == "%").then_some(rest));
     stated.map(str::trim).filter(|bare| !bare.is_empty()).map(|bare| (bare, unit))
-}
-
-/// The unit that stands in brackets or below a name, alone or behind a range.
-fn stated_unit(inside: &str) -> Option<&str> {
-    if is_any_unit(inside) { Some(inside) } else { range_at_end(inside).map(|range| range.unit) }
 }
 
 /// The separator by which most lines have the same number of cells, more than one.
@@ -364,11 +359,6 @@ mod tests {
             (scaled.names[1].as_str(), scaled.units[0].as_str(), scaled.units[4].as_str()),
             ("cmd", "10 ms", "0.1 bar")
         );
-        let ranged = of("Time,cmd,servo,spool,p tank\ns,%,0..250 mm,%,0-160 bar\n0,1.5,1.5,1,63.2\n4,1,1,1,63.2\n");
-        assert_eq!(
-            (ranged.names[2].as_str(), ranged.units[2].as_str(), ranged.units[4].as_str()),
-            ("servo", "mm", "bar")
-        );
         let groups = of("Regler;;Anlage\nt;u;p [bar]\n0;1;63\n1;1;63\n");
         assert_eq!((groups.names[1].as_str(), groups.units[2].as_str()), ("u", "bar"));
     }
@@ -398,8 +388,6 @@ mod tests {
             ("p 0.1 bar", Some(("p", "0.1 bar"))),
             ("t 10 ms", Some(("t", "10 ms"))),
             ("p 2 bar", Some(("p 2", "bar"))),
-            ("Guide vane [0..250 mm]", Some(("Guide vane", "mm"))),
-            ("Servo (0-100 %)", Some(("Servo", "%"))),
             ("p [bar x 10]", Some(("p", "bar x 10"))),
             ("Date/Time", None),
             ("gov/a", None),

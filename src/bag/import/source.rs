@@ -3,7 +3,6 @@
 pub(super) mod channel;
 mod fraction;
 pub(super) mod head;
-pub(super) mod lost_sign;
 mod machine;
 mod order;
 mod pairs;
@@ -11,7 +10,6 @@ pub(super) mod quality;
 pub(super) mod records;
 pub(super) mod table;
 pub(super) mod timing;
-mod zone;
 
 use std::fs::File;
 use std::io::Read as _;

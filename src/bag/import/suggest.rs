@@ -1,7 +1,6 @@
 //! A map proposed for a file that nobody has mapped: by the names of its columns, their units, ranges and shapes.
 
 mod column;
-mod header;
 mod machines;
 mod names;
 mod propose;
@@ -21,7 +20,6 @@ use super::map::{FileMap, Map, Repeated, TimeMap};
 use super::number::Numbers;
 use super::source::channel::ChannelValue;
 use super::source::head::{TableHead, hint};
-use super::source::lost_sign::{self, SignLook, signed};
 use super::source::quality::column_of;
 use super::source::records::TableRecords;
 use super::source::table::TableSource;
@@ -125,7 +123,6 @@ fn of_table<R: TableRecords>(
     if let Some(long) = tall::columns(&head, &open)? {
         return tall::suggest(&head, map, &long, &open, on_progress);
     }
-    let signs = lost_signs(names.len().min(MOST_COLUMNS), &mut open()?)?;
     let mut table = TableSource::new(head, &map, &open)?;
     let (time_columns, time) = table.time(&map);
     let mut columns: Vec<SuggestedColumn> =
@@ -137,7 +134,7 @@ fn of_table<R: TableRecords>(
         newest_ns = Some(time_ns);
         for (index, column) in columns.iter_mut().enumerate().filter(|(index, _)| !time_columns.contains(index)) {
             if let Some(time_ns) = table.time_of(index) {
-                column.take(time_ns, signed(table.value(index), signs[index]));
+                column.take(time_ns, table.value(index));
             }
         }
         rows += 1;
@@ -169,8 +166,6 @@ fn of_table<R: TableRecords>(
         signal.time = index.and_then(|index| table.own_time_of(index)).map(|number| format!("#{number}"));
     }
     suggestion.notes = said.notes;
-    let lost = signs.iter().zip(&names).filter_map(|(count, name)| Some(lost_sign::words(name, (*count)?)));
-    suggestion.notes.extend(lost);
     suggestion.open.extend(said.warnings);
     if rows > 2 && 100 * (repeated + 1) >= 99 * rows {
         suggestion.open.push(format!(
@@ -195,17 +190,6 @@ fn of_table<R: TableRecords>(
     }
     suggestion.rows = rows;
     Ok(suggestion)
-}
-
-/// What the numbers of each column count, where they have lost their sign.
-fn lost_signs<R: TableRecords>(columns: usize, records: &mut R) -> Result<Vec<Option<f64>>, ImportError> {
-    let mut looks = vec![SignLook::default(); columns];
-    while looks.iter().any(SignLook::is_open) && records.advance()? {
-        for (column, look) in looks.iter_mut().enumerate().filter(|(_, look)| look.is_open()) {
-            look.take(records.value(column));
-        }
-    }
-    Ok(looks.iter().map(SignLook::count).collect())
 }
 
 /// Columns whose cells look like numbers and are none, as they are written.

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use jiff::tz::{Offset, TimeZone};
+use jiff::tz::Offset;
 
 use super::zone::offset;
 use crate::import::words::Words;
@@ -73,12 +73,6 @@ pub(super) fn english(text: &str) -> String {
 pub(super) fn offset_of(word: &str) -> Option<Offset> {
     let hours = ZONES.iter().find(|(_, zones)| zones.has(word)).map(|(hours, _)| *hours);
     hours.map_or_else(|| offset(word), |hours| Offset::from_hours(hours).ok())
-}
-
-/// The zone that a cell states: by what means one offset alone, or by a name such as `Europe/Zurich`; `EST` names several zones.
-pub(super) fn in_cell(cell: &str) -> Option<TimeZone> {
-    let named = || TimeZone::get(cell).ok().filter(|_| cell.contains('/'));
-    offset_of(cell.trim()).map(TimeZone::fixed).or_else(named)
 }
 
 /// A local time and the offset that the word behind it means; a year may stand behind that.

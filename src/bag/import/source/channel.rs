@@ -1,6 +1,5 @@
 //! One signal of a source: from a cell to a value of a row, with what could not be used counted.
 
-use super::lost_sign::signed;
 use crate::import::convert::{plain, pressure};
 use crate::import::map::{SignalMap, TripRule};
 use crate::import::row::{ImportedRow, Target};
@@ -58,8 +57,6 @@ pub(in crate::import) struct SourceChannel {
     pub(in crate::import) broken: Bad,
     /// Of such a transmitter: what makes its values mA.
     to_ma: Option<f64>,
-    /// What its numbers count, where they have lost their sign.
-    pub(in crate::import) sign_count: Option<f64>,
     /// Of the ESV: the first two states, of which none means a trip; none once one did.
     states: Option<Vec<String>>,
 }
@@ -80,7 +77,6 @@ impl SourceChannel {
             bad,
             broken,
             to_ma,
-            sign_count: None,
             states: Some(Vec::new()),
         }
     }
@@ -137,7 +133,7 @@ impl SourceChannel {
 
     /// Puts a value into a row.
     pub(in crate::import) fn take(&mut self, value: ChannelValue<'_>, place: u64, row: &mut ImportedRow) {
-        let value = match signed(value, self.sign_count) {
+        let value = match value {
             ChannelValue::Whole(whole) => ChannelValue::Number(whole as f64),
             other => other,
         };

@@ -13,7 +13,7 @@ use govtwin_model::params::nearest;
 
 /// Names that columns of time have, in lower case, without what stands in brackets; the surest first.
 const TIMES: Words = Words(
-    "timestamp|__time|_time|x_value|time|t|time stamp|datetime|dateandtime|date_time|date/time|date time|datum/zeit|zeitstempel|zeit|uhrzeit|horodatage|\
+    "timestamp|__time|_time|x_value|time|t|time stamp|datetime|date_time|date/time|date time|datum/zeit|zeitstempel|zeit|uhrzeit|horodatage|\
      heure|temps|fecha|tiempo|ora|time_s|t_s|time_ns|#time|timestring|data/hora|data e hora|fecha/hora|fecha y hora|tempo|hora|tid|tidspunkt|\
      tidpunkt|czas|aika|время|дата/время|дата и время|时间|日期时间|時刻|date|datum|tick|ticks|index",
 );
@@ -160,7 +160,7 @@ impl TableHead {
 const SECONDS: Words = Words("s|sec|secs|second|seconds");
 /// Words for parts of a second, with their digits behind it.
 const PARTS: [(Words, usize); 3] = [
-    (Words("ms|msec|millitm|millis|millisec|millisecond|milliseconds|millisekunden"), 3),
+    (Words("ms|msec|millis|millisec|millisecond|milliseconds|millisekunden"), 3),
     (Words("us|usec|microseconds"), 6),
     (Words("ns|nsec|nanosec|nanosecs|nanoseconds"), 9),
 ];

@@ -7,7 +7,7 @@ use crate::import::words::Words;
 const QUALITY: Words = Words(
     "quality|qual|q|status|state|valid|validity|good|statuscode|qualitaet|qualität|gueltig|qualite|flag|qc|gültig|bad|invalid|questionable|\
      substituted|suspect|ungueltig|ungültig|fault|error|pctgood|qualité|qualità|calidad|qualidade|kvalitet|kvalité|质量|品质|качество|ok|isgood|\
-     confidence|conf|annotation|annotated|interpolated|nan|güte|guete|err|flags|st|sts",
+     confidence|conf|annotation|annotated|interpolated|nan|güte|guete|err|flags|st",
 );
 /// Words of names by which 1, or true, says that a value is not good.
 const NOT_GOOD: Words = Words("bad|invalid|questionable|substituted|suspect|ungueltig|ungültig|interpolated|nan");
@@ -20,8 +20,6 @@ const BAD: Words = Words(
     "bad|invalid|uncertain|questionable|false|fail|err|stale|comm|not|no|substitut|i/o|out|timeout|schlecht|ungültig|unsicher|manual|mauvais|mal|\
      ruim|dårlig|dålig|interpol|坏|故障|плох|b|u|x",
 );
-/// What Rockwell's logs write in a column of states beside values that are not good: error, disabled, stale.
-const NOT_GOOD_STS: Words = Words("e|d|s");
 /// Different values of a column that are kept.
 const MOST_DISTINCT: usize = 32;
 /// OPC DA: a quality from here on is good, of 0 to 255.
@@ -165,8 +163,7 @@ impl QualityLook {
         let is_signed = self.numbers.iter().any(|(number, _)| *number <= -OPC_UA_NOT_GOOD);
         let words = words_of(name);
         let says = |known: Words| words.iter().any(|word| known.has(word));
-        let is_sts = |word: &str| says(Words("sts")) && is_word(word, NOT_GOOD_STS);
-        let known = |(word, _): &(String, u64)| is_word(word, GOOD) || is_word(word, BAD) || is_sts(word);
+        let known = |(word, _): &(String, u64)| is_word(word, GOOD) || is_word(word, BAD);
         let truths = self.words.iter().all(|(word, _)| is_word(word, Words("true|false")));
         match (self.words.is_empty(), self.numbers.is_empty()) {
             _ if says(NOT_GOOD) && truths && most <= 1.0 => Some(Quality::NotGood),
@@ -294,7 +291,6 @@ mod tests {
             ("Y flag", vec![text("measured"), text("substituted")], text("measured"), text("substituted")),
             ("Y Güte", vec![text("gut"), text("schlecht")], text("gut"), text("schlecht")),
             ("Y flags", vec![ChannelValue::Missing, text("U")], ChannelValue::Missing, text("U")),
-            ("Sts_Y", vec![ChannelValue::Missing, text("E")], ChannelValue::Missing, text("E")),
             ("Y_st", vec![number(192.0), number(24.0)], number(192.0), number(24.0)),
             ("Y interpolated", vec![number(0.0), number(1.0)], number(0.0), number(1.0)),
         ] {

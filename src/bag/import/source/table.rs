@@ -9,7 +9,6 @@ use std::collections::VecDeque;
 use self::refused::{one_machine, other_header};
 use super::channel::{Bad, ChannelValue, SourceChannel};
 use super::head::{TableHead, with_header_unit};
-use super::lost_sign::{self, SignLook};
 use super::order::{RowOrder, Steps};
 use super::quality::{Quality, QualityLook, column_of, column_of_lines, column_of_rows};
 use super::records::TableRecords;
@@ -19,7 +18,7 @@ use crate::import::ImportError;
 use crate::import::convert::unit_by_name;
 use crate::import::dialect::bracketed;
 use crate::import::map::{Map, Repeated, SignalMap, SignalPlace, TimeMap};
-use crate::import::row::{ImportedRow, Target};
+use crate::import::row::ImportedRow;
 use govtwin_model::units::nanos_from_seconds;
 
 /// A signal and its column.
@@ -86,12 +85,13 @@ impl<R: TableRecords> TableSource<R> {
             (Some(tag), Some(value)) => Some(Long { tag: find(tag)?, value: find(value)? }),
             _ => None,
         };
-        let Timing { group, note, mut warnings } = timing(&head, map, &open)?;
+        let Timing { group, note } = timing(&head, map, &open)?;
         let mut times = vec![group];
         if long.is_none() && map.time.rate_hz.is_none() {
             times.extend(own_times(&head, map, &times[0], &open)?);
             times[0].may_be_blank = times.len() > 1;
         }
+        let mut warnings = vec![];
         let mut columns = vec![];
         for (signal, one) in map.signals.iter().enumerate() {
             let SignalPlace::Column(name) = &one.from else { continue };
@@ -152,35 +152,22 @@ impl<R: TableRecords> TableSource<R> {
                 looks.push((place, index, QualityLook::default()));
             }
         }
-        let mut signs = vec![SignLook::default(); self.columns.len()];
         let mut clock = self.times[0].clone();
         let mut steps = Steps::default();
         let timed = self.rate_hz.is_none() && self.times.len() == 1;
-        while (timed || !looks.is_empty() || signs.iter().any(SignLook::is_open)) && records.advance()? {
+        while (timed || !looks.is_empty()) && records.advance()? {
             if timed && let Some(Ok(time_ns)) = clock.read(&records) {
                 steps.take(time_ns);
             }
-            // Lines of other tags say nothing of this one.
-            let of_tag = |column: &SignalColumn| {
-                let long = self.long.as_ref();
-                long.is_none_or(|long| records.tag(long.tag).as_deref() == column.channel.map.place())
-            };
             for (place, index, look) in &mut looks {
-                if of_tag(&self.columns[*place]) {
+                // Lines of other tags say nothing of this one.
+                let of_tag = self.long.as_ref().is_none_or(|long| {
+                    let tag = self.columns[*place].channel.map.place();
+                    records.tag(long.tag).as_deref() == tag
+                });
+                if of_tag {
                     look.take(quality_cell(&records, *index));
                 }
-            }
-            for (column, sign) in self.columns.iter().zip(&mut signs).filter(|(_, sign)| sign.is_open()) {
-                if of_tag(column) {
-                    sign.take(records.value(self.long.as_ref().map_or(column.index, |long| long.value)));
-                }
-            }
-        }
-        for (column, sign) in self.columns.iter_mut().zip(&signs) {
-            if let Some(count) = sign.count().filter(|_| column.channel.map.target != Target::Esv) {
-                column.channel.sign_count = Some(count);
-                let (id, place) = (column.channel.map.target.id(), column.channel.map.place().unwrap_or_default());
-                self.head.notes.push(format!("{id}: {}", lost_sign::words(place, count)));
             }
         }
         // Columns with times of their own do not go on together.
@@ -236,7 +223,7 @@ impl<R: TableRecords> TableSource<R> {
     /// The columns of time, and what a map says of it so that nothing is left to be found out.
     pub(in crate::import) fn time(&self, map: &Map) -> (Vec<usize>, TimeMap) {
         let main = &self.times[0];
-        let all = self.times.iter().flat_map(|group| group.columns.iter().copied().chain(group.zone)).collect();
+        let all = self.times.iter().flat_map(|group| group.columns.iter().copied()).collect();
         // Of columns with one name the number tells which.
         let name = |column: &usize| {
             let name = &self.head.names[*column];

@@ -5,9 +5,8 @@ use super::fraction::{Fraction, fraction_beside};
 use super::head::TableHead;
 use super::pairs::pairs;
 use super::records::{SAMPLED, TableRecords};
-use super::zone::{self, StatedZone};
 use crate::import::ImportError;
-use crate::import::clock::{Format, TimeReader, are_times, detect};
+use crate::import::clock::{Format, TimeReader, are_times, detect, zone_of_header};
 use crate::import::map::{Map, SignalPlace, TimeMap};
 use govtwin_model::units::{nanos_from_seconds, seconds_from_nanos};
 
@@ -23,8 +22,6 @@ pub(super) struct TimeGroup {
     /// Other columns of time go on where it is blank.
     pub(super) may_be_blank: bool,
     fraction: Option<Fraction>,
-    /// The column of the zone, where each time has its own.
-    pub(super) zone: Option<usize>,
 }
 
 /// Columns that a time counts for.
@@ -59,8 +56,6 @@ impl TimeGroup {
 pub(super) struct Timing {
     pub(super) group: TimeGroup,
     pub(super) note: String,
-    /// What its user should look into.
-    pub(super) warnings: Vec<String>,
 }
 
 /// Whether there is a column of time, by the map, by name or as one that rises, or a rate in its place.
@@ -99,10 +94,8 @@ pub(super) fn timing<R: TableRecords>(
                 of: TimeOf::All,
                 may_be_blank: false,
                 fraction: None,
-                zone: None,
             },
             note,
-            warnings: vec![],
         });
     }
     let mut columns = vec![];
@@ -135,7 +128,7 @@ pub(super) fn timing<R: TableRecords>(
             columns.push(part);
         }
     }
-    written(head, map, open, &columns, &TimeOf::All, note)
+    written(head, map, open, columns, TimeOf::All, note)
 }
 
 /// How the times in some columns are written.
@@ -143,45 +136,31 @@ fn written<R: TableRecords>(
     head: &TableHead,
     map: &Map,
     open: &impl Fn() -> Result<R, ImportError>,
-    columns: &[usize],
-    of: &TimeOf,
+    columns: Vec<usize>,
+    of: TimeOf,
     note: String,
 ) -> Result<Timing, ImportError> {
     let wrong = |problem: String| ImportError::file(&head.path, problem);
-    let fraction = Fraction::of(head, columns);
+    let fraction = Fraction::of(head, &columns);
     let (format, native, note) = match &map.time.format {
         Some(text) => {
             let format = Format::of(text).map_err(|problem| wrong(format!("time.format: {problem}")))?;
             (format, false, note)
         }
-        None => found(head, open, (columns, fraction, of), note)?,
+        None => found(head, open, (&columns, fraction, &of), note)?,
     };
-    let names: Vec<String> = columns.iter().map(|column| head.names[*column].clone()).collect();
-    let group = |stated: Option<&StatedZone>| -> Result<TimeGroup, ImportError> {
-        let zone = stated.and_then(StatedZone::of_all);
-        let time = TimeMap { columns: names.clone(), zone, ..map.time.clone() };
-        let clock = TimeReader::new(format.clone(), &time, &head.numbers).map_err(wrong)?;
-        let (columns, of, may_be_blank) = (columns.to_vec(), of.clone(), *of != TimeOf::All);
-        let zone = stated.and_then(StatedZone::column);
-        Ok(TimeGroup { columns, clock, native, of, may_be_blank, fraction, zone })
-    };
-    let (zones, unclear) = zone::stated(head, map, group(None)?, open)?;
-    // The map counts before the header, and both before a column.
-    let used = group(zones.first())?;
-    let note = match zones.first() {
-        Some(StatedZone::Header(_, zone)) if !note.is_empty() => format!("{note}, in {zone} as its header says"),
-        Some(StatedZone::Column(column)) if !note.is_empty() => {
-            format!("{note}, in the zone of column `{}`", head.names[*column])
-        }
+    // The map counts before the header.
+    let stated = columns.iter().find_map(|column| zone_of_header(&head.names[*column]));
+    let stated = stated.filter(|_| map.time.zone.is_none());
+    let note = match &stated {
+        Some(zone) if !note.is_empty() => format!("{note}, in {zone} as its header says"),
         _ => note,
     };
-    let mut warnings: Vec<String> = unclear.into_iter().collect();
-    if let Some((first, others)) = zones.split_first() {
-        for other in others {
-            warnings.extend(zone::conflict(head, (&used, first), (&group(Some(other))?, other), open)?);
-        }
-    }
-    Ok(Timing { group: used, note, warnings })
+    let names = columns.iter().map(|column| head.names[*column].clone()).collect();
+    let time = TimeMap { columns: names, zone: stated.or(map.time.zone.clone()), ..map.time.clone() };
+    let clock = TimeReader::new(format, &time, &head.numbers).map_err(wrong)?;
+    let may_be_blank = of != TimeOf::All;
+    Ok(Timing { group: TimeGroup { columns, clock, native, of, may_be_blank, fraction }, note })
 }
 
 /// How the times in some columns are written by what stands there, whether the file itself says it, and the note with the reason.
@@ -236,14 +215,14 @@ pub(super) fn own_times<R: TableRecords>(
             }
         }
         let Timing { group, .. } =
-            written(head, map, open, &pair.columns, &TimeOf::Range(pair.of.clone()), String::new())?;
+            written(head, map, open, pair.columns.clone(), TimeOf::Range(pair.of), String::new())?;
         found.push(group);
     }
     for signal in &map.signals {
         let (Some(time), SignalPlace::Column(name)) = (&signal.time, &signal.from) else { continue };
         let place = |name: &str| head.find(name).map_err(wrong)?.ok_or_else(|| wrong(head.absent(name)));
         let (time, column) = (place(time)?, place(name)?);
-        let Timing { group, .. } = written(head, map, open, &[time], &TimeOf::Column(column), String::new())?;
+        let Timing { group, .. } = written(head, map, open, vec![time], TimeOf::Column(column), String::new())?;
         found.push(group);
     }
     Ok(found)
@@ -328,10 +307,7 @@ fn read_time<R: TableRecords>(records: &R, group: &mut TimeGroup) -> Result<i64,
 }
 
 fn any_time<R: TableRecords>(records: &R, group: &mut TimeGroup) -> Result<i64, String> {
-    let TimeGroup { columns, clock, fraction, zone, .. } = group;
-    if let Some(column) = zone {
-        clock.take_zone(&time_text(records, &[*column], None))?;
-    }
+    let TimeGroup { columns, clock, fraction, .. } = group;
     let only = columns.first().filter(|_| columns.len() == 1);
     if let Some(text) = only.and_then(|column| records.text_of(*column)) {
         return clock.read(text);

@@ -10,13 +10,7 @@ use super::signal_words::WORDS;
 /// Words of quantities that are none of the signals.
 const OTHERS: Words = Words(
     "id|numericid|speed|drehzahl|vitesse|frequency|frequenz|power|leistung|puissance|temp|temperature|temperatur|level|niveau|stand|head|flow|\
-     durchfluss|force|kraft|voltage|spannung|rpm|hz|mw|velocity|effort|runner|laufrad|laufschaufel|limit|转速|频率|转轮|桨叶",
-);
-
-/// Words of what remains between a command and what was measured, whatever of: it is none of the signals.
-const DEVIATIONS: Words = Words(
-    "deviation|abweichung|differenz|xw|ecart|desvio|desviacion|scostamento|avvik|error|err|fehler|erreur|errore|erro|feil|偏差|误差|отклонен|ошибк|\
-     рассогласован",
+     durchfluss|force|kraft|voltage|spannung|rpm|hz|mw|velocity|effort|runner|laufrad|laufschaufel|limit|deviation|abweichung|regelabweichung|ecart|error|转速|频率|转轮|桨叶",
 );
 
 /// Words of a quantity that has another source than the one that a position has: they speak against all positions.
@@ -68,15 +62,13 @@ pub(super) fn score(name: &str, target: Target) -> (f64, Vec<&'static str>) {
     let mut sum: f64 = found.iter().filter(|(word, _)| !of_words(word)).map(|(_, weight)| weight).sum();
     let elsewhere = |one: &str| if one.len() > 4 { text.contains(one) } else { words.iter().any(|word| word == one) };
     let asked_for = ASKED_FOR.all().any(has) && !MEASURED.all().any(has);
-    let deviates = DEVIATIONS.all().any(elsewhere);
-    if deviates && target != Target::Esv
-        || target.is_pressure() && ELSEWHERE.all().any(elsewhere)
+    if target.is_pressure() && ELSEWHERE.all().any(elsewhere)
         || target == Target::ServomotorPosition && asked_for
         || matches!(target, Target::PilotValvePosition | Target::ControlPressure) && found.is_empty()
     {
         return (f64::NEG_INFINITY, vec![]);
     }
-    if deviates || words.iter().any(|word| OTHERS.has(word)) {
+    if words.iter().any(|word| OTHERS.has(word)) {
         sum -= 4.0;
     }
     let pressure = PRESSURES.all().any(has);
@@ -163,7 +155,6 @@ pub(super) fn is_known(word: &str) -> bool {
     });
     of_signal
         || OTHERS.has(word)
-        || DEVIATIONS.has(word)
         || PRESSURES.has(word)
         || FIGURES.has(word)
         || statistic(word).is_some()
@@ -252,20 +243,6 @@ mod tests {
         }
         for name in ["Y setpoint", "Gate position command", "Y Sollwert", "servo cmd"] {
             never(name, Target::ServomotorPosition);
-        }
-        for name in [
-            "Servomotor position error",
-            "Gate pos deviation",
-            "Regelabweichung Y",
-            "Leitapparat xw",
-            "Opening command error",
-            "Spool position err",
-            "Pilot valve error",
-            "écart consigne ouverture",
-            "导叶开度偏差",
-            "Accumulator pressure error",
-        ] {
-            Target::ALL.into_iter().filter(|target| *target != Target::Esv).for_each(|target| never(name, target));
         }
         for (name, target) in [
             ("u_pv", Target::PilotValvePosition),

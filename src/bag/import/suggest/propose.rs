@@ -1,7 +1,6 @@
 //! The line of a map for a column: unit, range, sign and states as the file shows them, with what its reader must settle.
 
 use super::column::SuggestedColumn;
-use super::header;
 use super::names::{Figure, figure, tag, words};
 use super::trip::{TripSign, running_states, sign_of_trip};
 use crate::import::convert::{either_factor, plain, pressure, share, unit_by_name};
@@ -49,7 +48,6 @@ pub(super) fn signal(
                 ));
             } else if pressure(&column.unit).is_some() {
                 signal.unit.clone_from(&column.unit);
-                open.extend(header::may_be_current(target, column));
             } else {
                 let (unit, told) = guessed_pressure(column, most);
                 signal.unit = unit;
@@ -63,9 +61,7 @@ pub(super) fn signal(
             }
             let one_sided = matches!(target, Target::OpeningCommand | Target::ServomotorPosition);
             let farthest = least.abs().max(most.abs());
-            if header::position(&mut signal, column, open) {
-                // All is said.
-            } else if let Some(share) = share(&column.unit) {
+            if let Some(share) = share(&column.unit) {
                 signal.unit.clone_from(&column.unit);
                 let full = 1.0 / share.apply(1.0);
                 if target == Target::SpoolPosition && stands_half_way(column, full) {
@@ -154,7 +150,7 @@ pub(super) fn may_count_closing(signal: &SignalMap, column: &SuggestedColumn) ->
 }
 
 /// Whether a spool's values count from fully closed, so that neutral, where it is most of the time, is half of all.
-pub(super) fn stands_half_way(column: &SuggestedColumn, full: f64) -> bool {
+fn stands_half_way(column: &SuggestedColumn, full: f64) -> bool {
     let mut means: Vec<f64> = column.envelope.points().map(|(_, bucket)| bucket.mean() / full).collect();
     let middle = means.len() / 2;
     column.range.ends()[0] > -0.05 * full

@@ -119,9 +119,9 @@ fn choose(columns: &[SuggestedColumn], own: &Evidence, allowed: &dyn Fn(usize) -
     related.sort_by(|a, b| most(b).total_cmp(&most(a)));
     related.truncate(MOST_RELATED);
     let relations = relations(columns, &related);
-    // What a column of two states is called says nothing for a spool, and nothing against one, unless it can be none.
+    // What a column of two states is called says nothing for a spool, and nothing against one.
     let of_trio = |column: usize, target: Target| match target {
-        Target::SpoolPosition if columns[column].is_binary() && score(column, target).is_finite() => 0.0,
+        Target::SpoolPosition if columns[column].is_binary() => 0.0,
         _ => score(column, target),
     };
     let may_drive = |column: usize, by: f64| !columns[column].is_binary() || by.abs() >= TWO_STATES.0;

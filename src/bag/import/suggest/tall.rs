@@ -1,7 +1,5 @@
 //! Tables with one value a line, as historians export them: the name of the signal, its time, its value, and perhaps its unit and quality.
 
-use std::collections::BTreeMap;
-
 use super::column::SuggestedColumn;
 use super::{MOST_COLUMNS, ROWS_PER_CALL, Suggestion, rank};
 use crate::import::ImportError;
@@ -9,7 +7,6 @@ use crate::import::map::{FileMap, Map};
 use crate::import::source::Source as _;
 use crate::import::source::channel::ChannelValue;
 use crate::import::source::head::TableHead;
-use crate::import::source::lost_sign::{self, SignLook, signed};
 use crate::import::source::quality::column_of_lines;
 use crate::import::source::records::{SAMPLED, TableRecords};
 use crate::import::source::table::TableSource;
@@ -104,7 +101,6 @@ pub(super) fn suggest<R: TableRecords>(
     let name = |column: usize| Some(head.names[column].clone());
     let file = FileMap { tag_column: name(tall.tag), value_column: name(tall.value), ..map.file.clone() };
     let map = Map { file, ..map };
-    let signs = lost_signs(tall, &mut open()?)?;
     let mut table = TableSource::new(head.clone(), &map, open)?;
     let (_, time) = table.time(&map);
     let mut columns: Vec<SuggestedColumn> = vec![];
@@ -127,30 +123,14 @@ pub(super) fn suggest<R: TableRecords>(
             })
         });
         if let Some(column) = place.and_then(|place| columns.get_mut(place)) {
-            column.take(time_ns, signed(table.value(tall.value), signs.get(&column.name).copied()));
+            column.take(time_ns, table.value(tall.value));
         }
     }
     let mut suggestion = rank::rank(Map { time, ..map }, columns, false);
     let said = table.said();
     suggestion.notes = said.notes;
     suggestion.notes.push(format!("one value a line: column `{}` names the signals", head.names[tall.tag]));
-    suggestion.notes.extend(signs.iter().map(|(name, count)| lost_sign::words(name, *count)));
     suggestion.open.extend(said.warnings);
     suggestion.rows = rows;
     Ok(suggestion)
-}
-
-/// What the numbers of each signal count, where they have lost their sign.
-fn lost_signs<R: TableRecords>(tall: &TallColumns, records: &mut R) -> Result<BTreeMap<String, f64>, ImportError> {
-    let mut looks: BTreeMap<String, SignLook> = BTreeMap::new();
-    while records.advance()? {
-        let Some(tag) = records.tag(tall.tag) else { continue };
-        let may_be_new = looks.len() < MOST_COLUMNS;
-        match looks.get_mut(tag.as_ref()) {
-            Some(look) if look.is_open() => look.take(records.value(tall.value)),
-            None if may_be_new => looks.entry(tag.into_owned()).or_default().take(records.value(tall.value)),
-            _ => {}
-        }
-    }
-    Ok(looks.into_iter().filter_map(|(tag, look)| Some((tag, look.count()?))).collect())
 }
