@@ -23,6 +23,7 @@ mod rewrite;
 mod row;
 mod run;
 mod source;
+mod stated;
 mod streams;
 pub mod suggest;
 mod topics;

@@ -412,6 +412,7 @@ fn nothing_is_read_wrong_without_a_word() {
         of_value::qualities,
         of_value::currents,
         of_value::units,
+        of_value::several_units,
         of_value::formats,
         of_value::impossible,
     ] {

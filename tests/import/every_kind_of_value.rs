@@ -120,6 +120,31 @@ pub(super) fn units(cases: &mut Cases) {
     }
 }
 
+/// Headers that name two units, of which the values are in one.
+pub(super) fn several_units(cases: &mut Cases) {
+    const KIND: &str = "number or unit";
+    let header = HEADER.replace("Timestamp", "t [s]");
+    type Cell = fn(f64) -> f64;
+    let in_ma: Cell = |bar| 4.0 + 0.16 * bar;
+    for (column, name, cell, expected) in [
+        (3, "p tank 4-20 mA = 0..100 bar", in_ma, Asked("names `4 to 20 mA` and `0 to 100 bar`")),
+        (3, "p tank 4-20 mA = 0..100 bar", |bar| bar, Right),
+        (3, "p tank [%] (0-160 bar)", |bar| bar / 1.6, Asked("names `0 to 160 bar` and `%`")),
+        (1, "servo 0-10 V = 0-100 %", |percent| percent / 10.0, Asked("names `0 to 10 V` and `0 to 100 %`")),
+        (1, "servo 0-10 V = 0-100 %", |percent| percent, Right),
+        (1, "servo [%] (0-100 %)", |percent| percent, Right),
+    ] {
+        let mut names: Vec<&str> = header.split(',').collect();
+        names[column + 1] = name;
+        let cell = |value: f64, k: usize| if k == column { cell(value) } else { value }.to_string();
+        cases.add(KIND, name, timed(&names.join(","), cell, ","), expected);
+    }
+    let map =
+        "signals: {opening_command: cmd, servomotor_position: servo, spool_position: spool, tank_pressure: \"#5\"}\n";
+    let behind = timed(&header.replace("p tank", "p tank 4-20 mA ="), |value, _| value.to_string(), ",");
+    cases.by_map(KIND, "two units, and none in the map", behind, map, Asked("say which with `unit` in the map"));
+}
+
 pub(super) fn currents(cases: &mut Cases) {
     const KIND: &str = "4 to 20 mA";
     let map = "signals: {opening_command: {column: cmd}, spool_position: {column: spool}, tank_pressure: {column: p tank}, servomotor_position: ";

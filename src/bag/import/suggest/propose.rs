@@ -6,6 +6,7 @@ use super::trip::{TripSign, running_states, sign_of_trip};
 use crate::import::convert::{either_factor, plain, pressure, share, unit_by_name};
 use crate::import::map::{SignalMap, SignalPlace, TripRule};
 use crate::import::row::Target;
+use crate::import::stated::several_units;
 use crate::import::words::Words;
 use crate::qualification::unit_of_pressure;
 
@@ -108,6 +109,19 @@ pub(super) fn signal(
         signal.conversion.unit = unit;
     }
     signal
+}
+
+/// The question about a column whose header names several units, of which its values do not tell the one that they are in.
+pub(super) fn of_several_units(signal: &SignalMap, column: &SuggestedColumn) -> Option<String> {
+    let is_switch = signal.target == Target::Esv;
+    let several = several_units(&column.name, &signal.unit, Some(column.range.ends())).filter(|_| !is_switch)?;
+    let [least, most] = column.range.ends().map(rounded);
+    let way = if signal.target.is_pressure() { "`unit`, or `range` and `to`," } else { "`unit` or `range`" };
+    let id = signal.target.id();
+    Some(format!(
+        "{id}: its header names {several}, and {least} to {most} may be in either; taken as `{}`: replace it by {way} where it is another",
+        signal.unit
+    ))
 }
 
 /// That a spool is turned round; of a servomotor that may count closing, that the servomotor may be what is turned.

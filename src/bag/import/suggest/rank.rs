@@ -4,7 +4,7 @@ use super::Suggestion;
 use super::column::SuggestedColumn;
 use super::machines::{machines, two_machines};
 use super::names::{Figure, score, tag};
-use super::propose::{may_count_closing, rounded, signal};
+use super::propose::{may_count_closing, of_several_units, rounded, signal};
 use super::relations::{Relation, WEAKEST, pairs, relations};
 use super::trio::best_trio;
 use super::trip::{TripSign, sign_of_trip};
@@ -69,7 +69,11 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
                     .and_then(|servomotor| Some(relations[at(servomotor)?][at(*column)?].drives))
                     .unwrap_or(0.0);
                 let turned = target == Target::SpoolPosition && drives < -WEAKEST;
+                let asked = open.len();
                 let signal = signal(target, &columns[*column], fields, turned, servomotor, &mut open);
+                if open.len() == asked {
+                    open.extend(of_several_units(&signal, &columns[*column]));
+                }
                 open.extend(may_count_closing(&signal, &columns[*column]));
                 map.signals.push(signal);
                 reasons.push(Proposed { target, column: Some(*column), score: *sum, why: why.join(", ") });
