@@ -202,6 +202,31 @@ fn means_between_slow_rows_are_named_as_data() {
     assert_eq!(said.verdict, Verdict::Named, "{:?}", said.ranking);
 }
 
+/// One input that is stamped late beside the other: two clocks and a delay would explain it, and it is neither.
+#[test]
+fn an_input_that_is_stamped_late_is_named_as_data() {
+    let catalogue: Vec<_> =
+        ["lvdt_bias", "clock_offset", "command_delay", "esv_delay"].iter().filter_map(|id| find(id)).collect();
+    let told = |shift: fn(&mut [Frame])| {
+        let recordings = [Process::Shutdown, Process::LoadIncrease].map(|process| {
+            let mut recording = of(&sheet(), process, 100.0);
+            shift(&mut recording.frames);
+            recording
+        });
+        let settings = DiagnosisSettings { catalogue: catalogue.clone(), ..DiagnosisSettings::default() };
+        diagnose(recordings.into(), &sheet(), &settings, &|_, _| ()).unwrap()
+    };
+    let said = told(|rows| {
+        (25..rows.len()).rev().for_each(|k| rows[k].inputs.opening_command_pu = rows[k - 25].inputs.opening_command_pu);
+    });
+    assert_eq!(said.verdict, Verdict::Unknown, "{:?}", said.ranking);
+    noted(&said, &["The command is stamped 25", "ms late, and the ESV is not", "No effect is named"]);
+    // Both late: two clocks.
+    let said = told(|rows| (25..rows.len()).rev().for_each(|k| rows[k].inputs = rows[k - 25].inputs));
+    let named: Vec<&str> = said.blamed.iter().map(|one| one.id.as_str()).collect();
+    assert_eq!((said.verdict, named), (Verdict::Named, vec!["clock_offset"]), "{:?}", said.ranking);
+}
+
 #[test]
 fn recordings_of_different_units_are_told_apart() {
     let mut other = sheet();

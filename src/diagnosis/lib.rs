@@ -27,6 +27,7 @@ pub mod result;
 pub mod sheet;
 pub mod stage_alone;
 pub mod stage_only;
+pub(crate) mod stamps;
 pub mod summary;
 pub mod trend;
 pub mod watch;
@@ -38,8 +39,10 @@ use crate::decision::posterior::{Posterior, leaders};
 use crate::hypotheses::table::EvidenceTable;
 use crate::hypotheses::{Exploration, Explored, Singles};
 use crate::likelihood::loop_noise::likelier;
+use crate::preparation::channels::{averaged, survey};
 use crate::result::{Diagnosis, Interval, Setup, Verdict};
 use crate::stage_only::free_runs::Compared;
+use crate::stamps::late_stamps;
 use crate::summary::explained_fraction::ExplainedFractions;
 use crate::summary::{BeforeVerdict, Judged, claimed};
 use govtwin_model::effects::{CATALOGUE, EffectSpec, id_words};
@@ -116,7 +119,7 @@ pub fn diagnose(
         return Err(DiagnosisError::NothingToTry);
     }
     progress("reading the channels", 0.0);
-    let channels = preparation::channels::survey(&recordings);
+    let channels = survey(&recordings);
     let ready = preparation::prepare(recordings, unit, settings)?;
     progress("refitting the sheet's parameters within their tolerances", 0.02);
     let settings = &DiagnosisSettings { catalogue: ready.catalogue.clone(), setup: ready.setup, ..settings.clone() };
@@ -163,16 +166,16 @@ pub fn diagnose(
         let dropped;
         (decision, dropped, compared) = stage_only::modest(&problem, &explored, (&ready, stage), decision);
         notes.extend(dropped);
-    } else if let Some(strange) = homogeneity::disagreement(&problem, &explored, catalogue) {
+    } else if let Some(untrue) = homogeneity::disagreement(&problem, &explored, catalogue) {
         decision = decision.forced(Verdict::Unknown);
-        notes.push(strange);
-    } else if ready.setup == Setup::Chain
-        && let Some(averaged) = preparation::channels::averaged(&channels, &ready.unit.sensors)
+        notes.push(untrue);
+    } else if let Some(untrue) =
+        averaged(&channels, &ready.unit.sensors, ready.setup).or_else(|| late_stamps(&explored, &decision))
     {
         if !decision.blamed.is_empty() {
             decision = decision.forced(Verdict::Unknown);
         }
-        notes.push(averaged);
+        notes.push(untrue);
     }
     explored.complete(&problem, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
     let fractions = ExplainedFractions::new(&problem, explored.refitted(), settings.seed);

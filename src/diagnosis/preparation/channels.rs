@@ -1,6 +1,6 @@
 //! Admissibility: what each channel of each recording is like, and what is wrong with it.
 
-use crate::result::ChannelReport;
+use crate::result::{ChannelReport, Setup};
 use govtwin_model::metrics::{median, noise_of_bends};
 use govtwin_model::parameters::Sensors;
 use govtwin_model::recording::{Recording, SLOW_NS};
@@ -39,8 +39,11 @@ const RESOLVED: f64 = 2.0;
 /// Says in a sentence that positions of a slow recorder are means, where they are: the servomotor's has less noise than one reading has by the data sheet.
 ///
 /// A mean over the time between rows shows trips and limits later and softer than they are, as delays and lags do. The spool tells nothing: at rest it
-/// follows the noise that the regulator hears.
-pub fn averaged(channels: &[ChannelReport], sensors: &Sensors) -> Option<String> {
+/// follows the noise that the regulator hears. Only a data sheet of the chain's own says how noisy a reading is.
+pub fn averaged(channels: &[ChannelReport], sensors: &Sensors, setup: Setup) -> Option<String> {
+    if setup != Setup::Chain {
+        return None;
+    }
     let slowest_hz = 1.0 / seconds_from_nanos(SLOW_NS);
     let is_known = |channel: &&ChannelReport| {
         channel.signal == Signal::ServomotorPosition
@@ -118,7 +121,7 @@ mod tests {
             };
             let still = channel(Signal::ServomotorPosition, share * sensors.servomotor_position_pu.noise);
             let moving = channel(Signal::ServomotorPosition, 1.0);
-            averaged(&[moving, still, channel(Signal::SpoolPosition, 2e-5)], &sensors)
+            averaged(&[moving, still, channel(Signal::SpoolPosition, 2e-5)], &sensors, Setup::Chain)
         };
         let found = said(5.0, 1e-6, 0.25).unwrap();
         assert!(found.contains("has 25 % of the noise"), "{found}");
