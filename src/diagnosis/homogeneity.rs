@@ -5,6 +5,7 @@ use crate::hypotheses::Explored;
 use crate::hypotheses::profile::{fitted_best, profiles};
 use crate::likelihood::problem::Problem;
 use crate::model::FittedModel;
+use crate::words::WRONG_DATA;
 use govtwin_model::effects::EffectSpec;
 use nalgebra::DMatrix;
 
@@ -81,7 +82,7 @@ pub fn disagreement(problem: &Problem, found: &Explored, catalogue: &[&'static E
         }
         format!("although two sets fit them: {}. Are they of two units?", apart(problem, &halves)?)
     };
-    Some(format!("One set of parameters does not fit all recordings, {said} No effect is named for such recordings."))
+    Some(format!("One set of parameters does not fit all recordings, {said} {WRONG_DATA}"))
 }
 
 /// Recordings fitted by themselves, from where a model of all of them stands.

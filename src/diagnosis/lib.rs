@@ -45,6 +45,7 @@ use crate::stage_only::free_runs::Compared;
 use crate::stamps::late_stamps;
 use crate::summary::explained_fraction::ExplainedFractions;
 use crate::summary::{BeforeVerdict, Judged, claimed};
+use crate::words::WRONG_DATA;
 use govtwin_model::effects::{CATALOGUE, EffectSpec, id_words};
 use govtwin_model::parameters::Unit;
 use govtwin_model::recording::Recording;
@@ -191,7 +192,9 @@ pub fn diagnose(
         &decision,
         &problem.recordings.iter().map(|recording| recording.name.clone()).collect::<Vec<_>>(),
     ));
-    notes.extend(stretched(&explored, &decision));
+    if !notes.iter().any(|note| note.contains(WRONG_DATA)) {
+        notes.extend(stretched(&explored, &decision));
+    }
     notes.extend(stands_out(&table, &decision));
     progress("gathering what the report shows", 0.9);
     let judged = Judged {

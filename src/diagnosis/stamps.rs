@@ -5,6 +5,7 @@ use crate::hypotheses::Explored;
 use crate::identification::free_parameter::FreeParameter;
 use crate::model::FittedModel;
 use crate::summary::claimed;
+use crate::words::WRONG_DATA;
 
 /// The inputs, each with the delay that takes it back to its time where the clocks are off.
 const INPUTS: [(&str, &str); 2] = [("command", "command_delay"), ("ESV", "esv_delay")];
@@ -24,8 +25,8 @@ pub fn late_stamps(explored: &Explored, decision: &Decision) -> Option<String> {
     let is_late = |(late, other): &((&str, f64), (&str, f64))| late.1 > in_time_s && other.1.abs() <= in_time_s;
     let ((late, late_s), (on_time, _)) = [(command, esv), (esv, command)].into_iter().find(is_late)?;
     Some(format!(
-        "The {late} is stamped {:.0} ms late, and the {on_time} is not: the plant answers the {late} before it is recorded. No effect is named for such \
-         recordings. Record both by one clock; if the {late} arrived in time, `--stamp log` reads it when it was recorded.",
+        "The {late} is stamped {:.0} ms late, and the {on_time} is not: the plant answers the {late} before it is recorded. {WRONG_DATA} \
+         Record both by one clock; if the {late} arrived in time, `--stamp log` reads it when it was recorded.",
         late_s * 1e3
     ))
 }

@@ -8,6 +8,9 @@ use govtwin_model::signal::Signal;
 /// Share of the error that is worth a word where it remains.
 const LEAST_REMAINDER: f64 = 0.05;
 
+/// What a note says that calls the recordings wrong instead of the unit.
+pub const WRONG_DATA: &str = "No effect is named for such recordings.";
+
 /// A share as a percentage.
 pub fn percent(share: f64) -> String {
     if share.is_finite() { format!("{} %", fixed(100.0 * share, 0)) } else { "–".into() }

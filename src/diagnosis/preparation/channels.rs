@@ -1,6 +1,7 @@
 //! Admissibility: what each channel of each recording is like, and what is wrong with it.
 
 use crate::result::{ChannelReport, Setup};
+use crate::words::WRONG_DATA;
 use govtwin_model::metrics::{median, noise_of_bends};
 use govtwin_model::parameters::Sensors;
 use govtwin_model::recording::{Recording, SLOW_NS};
@@ -57,7 +58,7 @@ pub fn averaged(channels: &[ChannelReport], sensors: &Sensors, setup: Setup) -> 
     (share < QUIET).then(|| {
         format!(
             "The servomotor position has {:.0} % of the noise that one reading of its transducer has by the data sheet: it is a mean over the time between \
-             rows, or filtered, in which trips and limits look later and softer. No effect is named for such recordings. Record samples as they are read; \
+             rows, or filtered, in which trips and limits look later and softer. {WRONG_DATA} Record samples as they are read; \
              if the transducer is that good, correct `noise` of `sensors.servomotor_position_pu` in the data sheet.",
             share * 100.0
         )

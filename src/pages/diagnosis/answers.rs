@@ -4,8 +4,8 @@ use crate::diagnosis::stage::{beside_plain, fitted_stage, plain_as_good, plain_w
 use crate::diagnosis::{claims, next_test, traces};
 use govtwin_diagnosis::result::{Diagnosis, Fitted, Setup, Verdict};
 use govtwin_diagnosis::words::{
-    besides, capital, cause, errors, explained, id_words, in_words, key_words, listed, of_several, over_noise, percent,
-    probability, remains, stage_title, symptom, values,
+    WRONG_DATA, besides, capital, cause, errors, explained, id_words, in_words, key_words, listed, of_several,
+    over_noise, percent, probability, remains, stage_title, symptom, values,
 };
 use govtwin_model::effects::Stage;
 use govtwin_model::number::{fixed, quantity};
@@ -69,7 +69,9 @@ fn lead(diagnosis: &Diagnosis) -> String {
             let names: Vec<String> = competing.iter().map(|one| id_words(&one.id)).collect();
             format!("{}; these recordings cannot distinguish them.", capital(&listed(&names, "or")))
         }
-        (Verdict::Unknown, _) => beside_plain(diagnosis).unwrap_or_else(|| unknown(diagnosis)),
+        (Verdict::Unknown, _) => wrong_data(diagnosis)
+            .or_else(|| beside_plain(diagnosis))
+            .unwrap_or_else(|| unknown(diagnosis)),
         (Verdict::NoGap, _) => sound_stage(diagnosis).map_or_else(|| no_gap(diagnosis), |words| words + &left(diagnosis)),
         (Verdict::NotExcited, _) => {
             "These recordings do not move the unit enough for a verdict: most faults would not show in them even at three times \
@@ -81,6 +83,12 @@ fn lead(diagnosis: &Diagnosis) -> String {
             format!("These recordings are not of a servomotor stage driven by this spool. {why}").trim_end().to_owned()
         }
     }
+}
+
+/// What is wrong with the recordings, where nothing is named for that.
+pub(crate) fn wrong_data(diagnosis: &Diagnosis) -> Option<String> {
+    let mut notes = diagnosis.notes.iter().filter(|_| diagnosis.verdict == Verdict::Unknown);
+    notes.find(|note| note.contains(WRONG_DATA)).map(|note| in_words(note))
 }
 
 fn confirmed(diagnosis: &Diagnosis) -> &'static str {
@@ -182,7 +190,7 @@ fn causes(diagnosis: &Diagnosis) -> Vec<String> {
     for blame in &diagnosis.blamed {
         all.push(if several { of_several(diagnosis, blame) } else { symptom(&blame.id) });
     }
-    if diagnosis.verdict == Verdict::Unknown {
+    if diagnosis.verdict == Verdict::Unknown && wrong_data(diagnosis).is_none() {
         all.push(nearest(diagnosis));
     }
     all.extend(fitted_stage(diagnosis));
@@ -228,6 +236,9 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
             let most = diagnosis.blamed.iter().map(|one| one.probability).fold(f64::NEG_INFINITY, f64::max);
             (most.is_finite().then_some(most), vec![format!("Probability of {}", faults("or"))])
         }
+        Verdict::Unknown if wrong_data(diagnosis).is_some() => {
+            (None, vec!["No cause has a probability before the recordings are right".to_owned()])
+        }
         Verdict::Unknown => {
             let share = of("unknown").unwrap_or(f64::NAN);
             (Some(share), vec![format!("Probability of a cause outside the catalogue: {}", probability(share))])
@@ -254,7 +265,8 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     };
     // Several faults that act at once have no one stage.
     let several = diagnosis.verdict == Verdict::Named && diagnosis.blamed.len() > 1;
-    if matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown) && !several {
+    if matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown) && !several && claimed.is_some()
+    {
         parts.extend(at_stage);
     }
     let mut first = format!("{}.", parts.join("; "));

@@ -7,6 +7,7 @@ use govtwin_diagnosis::result::{
     Blame, Breakdown, BreakdownPart, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted,
     Interval, LargestError, Ranked, Remainder, Setup, SignalGap, StageTest, Trace, Tried, Verdict,
 };
+use govtwin_diagnosis::words::WRONG_DATA;
 use govtwin_model::effects::Stage;
 use govtwin_model::provenance::{Provenance, RecordingGiven};
 use govtwin_model::recording::Process;
@@ -231,6 +232,20 @@ fn every_verdict_has_a_sentence_of_its_own() {
         assert!(html.contains(expected), "{verdict:?}");
         // The quality of the fit is given in figures.
         assert!(!text.contains("they fit"), "{text}");
+    }
+}
+
+#[test]
+fn wrong_recordings_come_before_any_stage() {
+    let mut diagnosis = made_up(Verdict::Unknown, &[]);
+    diagnosis.notes = vec![format!("The command is stamped 250 ms late. {WRONG_DATA} Record both by one clock.")];
+    let text = summary(&diagnosis, usize::MAX);
+    assert!(text.starts_with(&diagnosis.notes[0]), "{text}");
+    assert!(text.contains("before the recordings are right"), "{text}");
+    let html = html_of(&diagnosis, &Provenance::default());
+    assert_eq!(html.matches("Record both by one clock").count(), 1);
+    for text in [text, html] {
+        assert!(!text.contains("look first at") && !text.contains("Nearest in the catalogue"), "{text}");
     }
 }
 
