@@ -31,8 +31,6 @@ const SERIAL_GRAIN_NS: i64 = 100_000;
 const EXCEL_DAYS: i64 = 25_569;
 /// Days from MATLAB's zero to 1970.
 const MATLAB_DAYS: i64 = 719_529;
-/// A time of day that falls back by more than this has passed midnight, ns.
-const MIDNIGHT_NS: i64 = 43_200_000_000_000;
 /// Rows are no further apart where a count of the time of day that is not called so begins anew at midnight, ns.
 const NEAR_MIDNIGHT_NS: i64 = 60_000_000_000;
 /// An hour, ns.
@@ -55,12 +53,9 @@ pub struct TimeReader {
     start_ns: i64,
     day: Option<Date>,
     newest_ns: Option<i64>,
-    /// Days that a time without a date has passed, or hours that one without an hour has.
-    midnights: i64,
-    last_of_day_ns: i64,
-    /// The newest count of a relative time, ns, and what the counter has lost by beginning anew, ns.
-    last_count_ns: i64,
-    wrapped_ns: i64,
+    /// The last count, time of day or of the hour, ns, and what those before it have lost by beginning anew, ns.
+    last_ns: i64,
+    lost_ns: i64,
     /// Its column says that it counts from midnight.
     of_day: bool,
     /// How often a counter began anew.
@@ -88,10 +83,8 @@ impl TimeReader {
             start_ns: 0,
             day: None,
             newest_ns: None,
-            midnights: 0,
-            last_of_day_ns: 0,
-            last_count_ns: 0,
-            wrapped_ns: 0,
+            last_ns: 0,
+            lost_ns: 0,
             of_day: map.columns.iter().any(|name| says_of_day(name)),
             wraps: 0,
             folded: 0,
@@ -157,9 +150,9 @@ impl TimeReader {
 
     /// A count that goes on where a counter of 16 or 32 bits, or a day, begins anew.
     fn unwrapped(&mut self, count_ns: i64, unit_ns: i64) -> i64 {
-        let last_ns = std::mem::replace(&mut self.last_count_ns, count_ns);
+        let last_ns = std::mem::replace(&mut self.last_ns, count_ns);
         if self.is_midnight(last_ns, count_ns) {
-            self.wrapped_ns = self.wrapped_ns.saturating_add(DAY_NS);
+            self.lost_ns = self.lost_ns.saturating_add(DAY_NS);
             self.wraps += 1;
         } else if last_ns.saturating_sub(count_ns) > unit_ns.saturating_mul(COUNTS[0] / 2) {
             let begins_anew = |counts: &i64| {
@@ -172,17 +165,17 @@ impl TimeReader {
                 })
             };
             if let Some(counts) = COUNTS.iter().find(|counts| begins_anew(counts)) {
-                self.wrapped_ns = self.wrapped_ns.saturating_add(unit_ns.saturating_mul(*counts));
+                self.lost_ns = self.lost_ns.saturating_add(unit_ns.saturating_mul(*counts));
                 self.wraps += 1;
             }
         }
-        count_ns.saturating_add(self.wrapped_ns)
+        count_ns.saturating_add(self.lost_ns)
     }
 
     /// Whether a count of the time of day passes midnight between two rows, ns.
     fn is_midnight(&self, last_ns: i64, count_ns: i64) -> bool {
         let fell_ns = last_ns.saturating_sub(count_ns);
-        let far = if self.of_day { MIDNIGHT_NS } else { DAY_NS - NEAR_MIDNIGHT_NS };
+        let far = if self.of_day { DAY_NS / 2 } else { DAY_NS - NEAR_MIDNIGHT_NS };
         fell_ns > far && last_ns < DAY_NS && count_ns >= 0
     }
 
@@ -256,12 +249,9 @@ impl TimeReader {
             return self.at(date.to_datetime(time));
         }
         let of_day_ns = i64::try_from((time.duration_since(Time::midnight())).as_nanos()).unwrap_or(0);
-        if self.last_of_day_ns - of_day_ns > MIDNIGHT_NS {
-            self.midnights += 1;
-        }
-        self.last_of_day_ns = of_day_ns;
+        self.pass(of_day_ns, DAY_NS);
         let day = self.day.unwrap_or(Date::constant(1970, 1, 1));
-        let day = (0..self.midnights).try_fold(day, |day, _| day.tomorrow()).map_err(short)?;
+        let day = (0..self.lost_ns / DAY_NS).try_fold(day, |day, _| day.tomorrow()).map_err(short)?;
         self.at(day.to_datetime(time))
     }
 
@@ -269,11 +259,15 @@ impl TimeReader {
     fn of_hour(&mut self, parts: &BrokenDownTime) -> i64 {
         let second = i64::from(parts.minute().unwrap_or(0)) * 60 + i64::from(parts.second().unwrap_or(0));
         let of_hour_ns = second * 1_000_000_000 + i64::from(parts.subsec_nanosecond().unwrap_or(0));
-        if self.last_of_day_ns - of_hour_ns > HOUR_NS / 2 {
-            self.midnights += 1;
+        self.pass(of_hour_ns, HOUR_NS);
+        of_hour_ns + self.lost_ns + self.start_ns
+    }
+
+    /// Keeps a time of a period, the day or the hour, which has begun anew where it falls back by more than half of it.
+    fn pass(&mut self, now_ns: i64, period_ns: i64) {
+        if std::mem::replace(&mut self.last_ns, now_ns) - now_ns > period_ns / 2 {
+            self.lost_ns += period_ns;
         }
-        self.last_of_day_ns = of_hour_ns;
-        of_hour_ns + self.midnights * HOUR_NS + self.start_ns
     }
 
     /// Local time in the zone; where the end of summer time makes it ambiguous, the moment that goes on from the last one.

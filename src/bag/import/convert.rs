@@ -77,6 +77,11 @@ impl UnitConversion {
         value
     }
 
+    /// Whether values of both are the same but for what is added.
+    pub(super) fn is_multiple(self, other: Self) -> bool {
+        Self { plus: 0.0, ..self } == Self { plus: 0.0, ..other }
+    }
+
     fn times(times: f64) -> Self {
         Self { times, ..Self::ONE }
     }
@@ -114,7 +119,7 @@ const UNITS: [(UnitOf, Words); 17] = [
     (Share(1.0), Words("pu pu|p.u.|1|-")),
     (Share(100.0), Words("%|percent %|pct %|prozent %")),
     (Share(1000.0), Words("‰|permille")),
-    (Travel, Words("m|mm mm|cm cm|um|µm|in|deg|°|rad|v|mv|ma mA|a|counts|digits")),
+    (Travel, Words("m|mm mm|cm cm|um|µm|in|inch|deg|grad|°|rad|v|mv|ma mA|a|counts|digits")),
 ];
 
 /// Each unit in its plain form, with what it measures and as people write it.

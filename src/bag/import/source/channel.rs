@@ -3,6 +3,7 @@
 use crate::import::convert::{plain, pressure};
 use crate::import::map::{SignalMap, TripRule};
 use crate::import::row::{ImportedRow, Target};
+use crate::import::stated::SeveralUnits;
 
 /// What a cell or field holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,6 +58,8 @@ pub(in crate::import) struct SourceChannel {
     pub(in crate::import) broken: Bad,
     /// Of such a transmitter: what makes its values mA.
     to_ma: Option<f64>,
+    /// Units that its header names, where the map leaves open which counts.
+    pub(in crate::import) several: Option<SeveralUnits>,
     /// Of the ESV: the first two states, of which none means a trip; none once one did.
     states: Option<Vec<String>>,
 }
@@ -77,6 +80,7 @@ impl SourceChannel {
             bad,
             broken,
             to_ma,
+            several: None,
             states: Some(Vec::new()),
         }
     }
@@ -86,9 +90,13 @@ impl SourceChannel {
         Self { keeps_latch: false, ..Self::new(signal, map) }
     }
 
-    /// The same of a column whose header states a unit.
-    pub(in crate::import) fn in_unit(self, stated: &str) -> Self {
-        Self { to_ma: current(&self.map, stated), ..self }
+    /// The same of a column under a header that states a unit, which counts where the map states none.
+    pub(in crate::import) fn under(self, header: &str, stated: &str) -> Self {
+        let conversion = &self.map.conversion;
+        let is_of_map = !self.map.unit.is_empty() || conversion.range.is_some() || conversion.scale != 1.0;
+        let several =
+            (self.map.target != Target::Esv && !is_of_map).then(|| SeveralUnits::of(header, stated)).flatten();
+        Self { to_ma: current(&self.map, stated), several, ..self }
     }
 
     /// The same by a map that is completed.
@@ -154,7 +162,12 @@ impl SourceChannel {
             {
                 self.broken.note(place, &raw.to_string());
             }
-            ChannelValue::Number(raw) if raw.is_finite() => row.set(self.map.target, self.map.conversion.apply(raw)),
+            ChannelValue::Number(raw) if raw.is_finite() => {
+                if let Some(several) = &mut self.several {
+                    several.take(raw);
+                }
+                row.set(self.map.target, self.map.conversion.apply(raw));
+            }
             ChannelValue::Number(raw) => self.bad.note(place, &raw.to_string()),
             ChannelValue::Text(text) => self.bad.note(place, text),
             _ => self.bad.note(place, "a time"),

@@ -8,7 +8,6 @@ use crate::import::dialect::bracketed;
 use crate::import::map::{AS_RECORDED, SignalMap};
 use crate::import::number::Numbers;
 use crate::import::row::Target;
-use crate::import::stated::several_units;
 use crate::import::words::Words;
 use govtwin_model::params::nearest;
 
@@ -205,14 +204,12 @@ pub(in crate::import) fn hint(text: &str, numbers: &Numbers) -> String {
     }
 }
 
-/// The signal with the unit that its column's header states, where the map states none; a warning where both do and differ, or where the header names
-/// several.
+/// The signal with the unit that its column's header states, where the map states none; where both do and differ, a warning.
 ///
 /// # Errors
 /// In words, where the header's unit may be meant two ways.
 pub(super) fn with_header_unit(
     one: &SignalMap,
-    header: &str,
     stated: &str,
     notes: &mut Vec<String>,
     warnings: &mut Vec<String>,
@@ -220,17 +217,7 @@ pub(super) fn with_header_unit(
     let mut one = one.clone();
     let read = |text: &str| if one.target.is_pressure() { pressure(text) } else { share(text) };
     let id = one.target.id();
-    if one.target == Target::Esv || one.unit == AS_RECORDED {
-        return Ok(one);
-    }
-    if one.unit.is_empty()
-        && one.conversion.range.is_none()
-        && let Some(several) = several_units(header, stated, None)
-    {
-        let taken = if stated.is_empty() { one.target.unit() } else { stated };
-        warnings.push(format!("{id}: its header names {several}; taken as {taken}; say which with `unit` in the map"));
-    }
-    if stated.is_empty() {
+    if stated.is_empty() || one.target == Target::Esv || one.unit == AS_RECORDED {
         return Ok(one);
     }
     if one.unit.is_empty() {

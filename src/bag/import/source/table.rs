@@ -106,8 +106,8 @@ impl<R: TableRecords> TableSource<R> {
             let group = times.iter().rposition(|group| group.is_of(index)).unwrap_or(0);
             let whole = head.names.get(index).unwrap_or(name);
             let stated = if one.target.is_pressure() { unit_by_name(whole, stated) } else { stated.to_owned() };
-            let channel = SourceChannel::without_latch(signal, one).in_unit(&stated);
-            let one = with_header_unit(one, whole, &stated, &mut head.notes, &mut warnings).map_err(wrong)?;
+            let channel = SourceChannel::without_latch(signal, one).under(whole, &stated);
+            let one = with_header_unit(one, &stated, &mut head.notes, &mut warnings).map_err(wrong)?;
             columns.push(SignalColumn { index, group, channel: channel.by(one), quality: None, not_good: 0 });
         }
         if !note.is_empty() {

@@ -6,7 +6,7 @@ use super::trip::{TripSign, running_states, sign_of_trip};
 use crate::import::convert::{either_factor, plain, pressure, share, unit_by_name};
 use crate::import::map::{SignalMap, SignalPlace, TripRule};
 use crate::import::row::Target;
-use crate::import::stated::several_units;
+use crate::import::stated::SeveralUnits;
 use crate::import::words::Words;
 use crate::qualification::unit_of_pressure;
 
@@ -113,15 +113,15 @@ pub(super) fn signal(
 
 /// The question about a column whose header names several units, of which its values do not tell the one that they are in.
 pub(super) fn of_several_units(signal: &SignalMap, column: &SuggestedColumn) -> Option<String> {
-    let is_switch = signal.target == Target::Esv;
-    let several = several_units(&column.name, &signal.unit, Some(column.range.ends())).filter(|_| !is_switch)?;
-    let [least, most] = column.range.ends().map(rounded);
-    let way = if signal.target.is_pressure() { "`unit`, or `range` and `to`," } else { "`unit` or `range`" };
+    if signal.target == Target::Esv {
+        return None;
+    }
+    let mut units = SeveralUnits::of(&column.name, &signal.unit)?;
+    column.envelope.points().for_each(|(_, bucket)| units.take(bucket.mean()));
     let id = signal.target.id();
-    Some(format!(
-        "{id}: its header names {several}, and {least} to {most} may be in either; taken as `{}`: replace it by {way} where it is another",
-        signal.unit
-    ))
+    let way = if signal.target.is_pressure() { "`unit`, or `range`, `to` and `unit`," } else { "`unit` or `range`" };
+    let taken = &signal.unit;
+    units.doubt().map(|doubt| format!("{id}: {doubt}; taken as `{taken}`: replace it by {way} where it is another"))
 }
 
 /// That a spool is turned round; of a servomotor that may count closing, that the servomotor may be what is turned.

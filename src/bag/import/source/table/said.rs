@@ -4,6 +4,7 @@ use super::super::SourceNotes;
 use super::super::head::hint;
 use super::super::records::TableRecords;
 use super::TableSource;
+use crate::import::stated::SeveralUnits;
 use govtwin_model::units::seconds_from_nanos;
 
 impl<R: TableRecords> TableSource<R> {
@@ -54,6 +55,13 @@ impl<R: TableRecords> TableSource<R> {
                 said.warnings.push(format!(
                     "{path}:{line}: {id} (`{place}`): {count} values left out outside of 3.6 to 21 mA, by which a transmitter of 4 to 20 mA \
                      says that it is broken (NAMUR NE 43), the first {text} mA"
+                ));
+            }
+            if let Some(doubt) = column.channel.several.as_ref().and_then(SeveralUnits::doubt) {
+                let map = &column.channel.map;
+                let taken = if map.unit.is_empty() { map.target.unit() } else { &map.unit };
+                said.warnings.push(format!(
+                    "{path}: {id} (`{place}`): {doubt}; taken as {taken}; say which with `unit`, or with `range` (and `to`), in the map"
                 ));
             }
             if let Some(states) = column.channel.never_trips() {
