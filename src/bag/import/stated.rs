@@ -190,8 +190,14 @@ fn unit_at(letters: &[char], at: usize) -> Option<(String, usize)> {
     };
     let whole = take(&|letter| !letter.is_whitespace() && !"[](){}=;:,_".contains(letter));
     let word = take(&|letter| letter.is_alphabetic() || "%‰°".contains(letter));
-    let current = word.0.to_lowercase().strip_suffix("dc").map(|rest| (word.0[..rest.len()].to_owned(), word.1));
-    let (unit, end) = [Some(whole), Some(word), current].into_iter().flatten().find(|(unit, _)| is_one(unit))?;
+    // `VDC`, the last two letters of which may be written so or so.
+    let direct = word.0.len().checked_sub(2).and_then(|at| word.0.split_at_checked(at));
+    let current = direct.filter(|(_, end)| end.eq_ignore_ascii_case("dc")).map(|(unit, _)| (unit.to_owned(), word.1));
+    let is_whole = |end: usize| letters.get(end).is_none_or(|next| !next.is_alphanumeric());
+    let (unit, end) = [Some(whole), Some(word.clone()), current]
+        .into_iter()
+        .flatten()
+        .find(|(unit, end)| is_one(unit) && is_whole(*end))?;
     let next = letters[end..].iter().find(|letter| !letter.is_whitespace());
     let is_word = begin > at && WORDS.has(&plain(&unit)) && next.is_some_and(|next| next.is_alphanumeric());
     (!is_word).then_some((unit, end))
@@ -227,6 +233,7 @@ mod tests {
             ("Pressione olio 4÷20 mA = 0÷160 bar", "4 to 20 mA; 0 to 160 bar"),
             ("p tank 4‑20 mA / 0‑160 bar", "4 to 20 mA; 0 to 160 bar"),
             ("servo 1-5Vdc [%]", "1 to 5 V; %"),
+            ("servo 1-5 \u{212a}dc [%]", "%"),
             ("p tank_4_20mA_0_160bar", "4 to 20 mA; 0 to 160 bar"),
             ("p tank 0-16,000 kPa", "0 to 16000 kPa"),
             ("p tank 0-160 kgf/cm2 [psi]", "0 to 160 kgf/cm2; psi"),
@@ -235,6 +242,7 @@ mod tests {
             ("GV1-2 pos 0-100 %", "0 to 100 %"),
             ("Units 3-4 servo [%]", "%"),
             ("servo (0-5 Hz) [%]", "%"),
+            ("servo 0-100 m3 [%]", "%"),
             ("Pump 2 in [%]", "%"),
             ("Units 1-8 in plant: p tank [MPa]", "MPa"),
             ("p tank 0-100 at HPU 3 [bar]", "bar"),
