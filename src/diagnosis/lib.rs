@@ -192,9 +192,8 @@ pub fn diagnose(
         &decision,
         &problem.recordings.iter().map(|recording| recording.name.clone()).collect::<Vec<_>>(),
     ));
-    if !notes.iter().any(|note| note.contains(WRONG_DATA)) {
-        notes.extend(stretched(&explored, &decision));
-    }
+    let nearest = stretched(&explored, &decision, &notes);
+    notes.extend(nearest);
     notes.extend(stands_out(&table, &decision));
     progress("gathering what the report shows", 0.9);
     let judged = Judged {
@@ -234,8 +233,11 @@ fn too_little(decision: &Decision, explained: Interval) -> String {
 /// Distance from the sheet, in tolerances, that a reader should hear of: by chance one sheet in a thousand is so far off anywhere.
 const FAR_FROM_SHEET: f64 = 4.0;
 
-/// What is nearest where nothing has a name, and how far the sheet must be wrong for it.
-fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
+/// What is nearest where nothing has a name, and how far the sheet must be wrong for it; none where the recordings are what is wrong.
+fn stretched(explored: &Explored, decision: &Decision, notes: &[String]) -> Option<String> {
+    if notes.iter().any(|note| note.contains(WRONG_DATA)) {
+        return None;
+    }
     let nearest = explored.nearest(&decision.sets);
     let far = nearest.stretched(FAR_FROM_SHEET);
     let unknown = decision.verdict == Verdict::Unknown;
