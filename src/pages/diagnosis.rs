@@ -134,8 +134,8 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     let answered = |note: &&String| {
         let foreign = diagnosis.part.as_ref().and_then(|part| part.foreign.as_ref());
         note.starts_with("One recording alone")
-            || diagnosis.verdict == Verdict::Unknown && note.starts_with(answers::NEAREST)
-            || answers::wrong_data(diagnosis).is_some_and(|wrong| wrong == words::in_words(note))
+            || diagnosis.verdict == Verdict::Unknown
+                && (note.starts_with(answers::NEAREST) || note.contains(words::WRONG_DATA))
             || diagnosis.verdict == Verdict::NoSuchUnit && foreign == Some(*note)
     };
     for note in diagnosis.notes.iter().filter(|note| !answered(note)) {

@@ -86,9 +86,8 @@ fn lead(diagnosis: &Diagnosis) -> String {
 }
 
 /// What is wrong with the recordings, where nothing is named for that.
-pub(crate) fn wrong_data(diagnosis: &Diagnosis) -> Option<String> {
-    let mut notes = diagnosis.notes.iter().filter(|_| diagnosis.verdict == Verdict::Unknown);
-    notes.find(|note| note.contains(WRONG_DATA)).map(|note| in_words(note))
+fn wrong_data(diagnosis: &Diagnosis) -> Option<String> {
+    diagnosis.notes.iter().find(|note| note.contains(WRONG_DATA)).map(|note| in_words(note))
 }
 
 fn confirmed(diagnosis: &Diagnosis) -> &'static str {
