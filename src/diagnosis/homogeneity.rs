@@ -20,11 +20,8 @@ const STRANGE_SHARES: (f64, f64) = (0.5, 0.15);
 /// Recordings of more are not tried in two halves: there are too many.
 const MOST_IN_HALVES: usize = 6;
 
-/// Share of the gap that a model may leave and still speak for one unit.
+/// Share of the gap that a model may leave and still speak for one unit, unless each recording gains by itself.
 const EXPLAINED: f64 = 0.3;
-
-/// Unless the recordings by themselves explain this share of what it leaves: a model's error stays in each, as it is of all recordings.
-const WHOLLY: f64 = 0.85;
 
 /// Some of the recordings, fitted by themselves.
 struct Part {
@@ -33,7 +30,7 @@ struct Part {
 }
 
 impl Part {
-    /// By how much they fit better than with the rest.
+    /// By how much they fit better than with the rest, where these deviations of the sheet are theirs alone.
     fn gain(&self, together: &FittedModel) -> f64 {
         let square: f64 = self.recordings.iter().map(|&k| together.fit.residuals[k].norm_squared()).sum();
         (square + together.fit.prior - self.model.cost()).max(0.0)
@@ -56,13 +53,14 @@ pub fn disagreement(problem: &Problem, found: &Explored, catalogue: &[&'static E
         return None;
     }
     let least = (STRANGE_SHARES.0 * left).max(STRANGE);
-    let gain = |parts: &[Part]| parts.iter().map(|part| part.gain(leader)).sum::<f64>();
+    // The sheet's deviations count once in what fits all, and in each part by itself.
+    let gain = |parts: &[Part]| leader.cost() - parts.iter().map(|part| part.model.cost()).sum::<f64>();
     let each: Vec<Part> = (0..problem.recordings.len()).map(|k| fitted(problem, vec![k], leader)).collect();
     let own = gain(&each);
     let each_gains = own >= least.max(STRANGE_SHARES.1 * floor);
-    // A model that explains the gap of all of them speaks for one unit, also where each gains by parameters of its own.
+    // A model that explains the gap of all of them speaks for one unit.
     let explained = EXPLAINED * (found.refitted().cost() - floor);
-    if left < explained && !(each_gains && own >= WHOLLY * left) {
+    if left < explained && !each_gains {
         return None;
     }
     let said = if each_gains {
