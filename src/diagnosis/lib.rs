@@ -233,14 +233,12 @@ fn too_little(decision: &Decision, explained: Interval) -> String {
 /// Distance from the sheet, in tolerances, that a reader should hear of: by chance one sheet in a thousand is so far off anywhere.
 const FAR_FROM_SHEET: f64 = 4.0;
 
-/// What is nearest where nothing has a name, and how far the sheet must be wrong for it; none where the recordings are what is wrong.
+/// What is nearest where nothing has a name, unless the recordings are what is wrong, and how far the sheet must be wrong for it.
 fn stretched(explored: &Explored, decision: &Decision, notes: &[String]) -> Option<String> {
-    if notes.iter().any(|note| note.contains(WRONG_DATA)) {
-        return None;
-    }
     let nearest = explored.nearest(&decision.sets);
     let far = nearest.stretched(FAR_FROM_SHEET);
-    let unknown = decision.verdict == Verdict::Unknown;
+    let is_wrong_data = notes.iter().any(|note| note.contains(WRONG_DATA));
+    let unknown = decision.verdict == Verdict::Unknown && !is_wrong_data;
     let names: Vec<String> = nearest.ids().iter().map(|id| id_words(id)).collect();
     let name = match names.join(" and ") {
         name if unknown && !name.is_empty() => format!("Nearest in the catalogue: {name}. "),
