@@ -2,6 +2,7 @@
 
 use super::convert::{UnitConversion, is_travel, is_unit, plain, pressure, share};
 use super::words::Words;
+use crate::qualification::TANK_PA;
 
 /// Words between the ends of a range.
 const TO: Words = Words("to|bis|a|à|au|til|till|и|до|至|到");
@@ -13,33 +14,34 @@ const MINUS: [char; 8] = ['-', '−', '–', '—', '‐', '‑', '‒', '―'];
 const BEYOND: f64 = 0.1;
 /// Share of the values that are within a range if they are of its unit: others stand for faults.
 const WITHIN: f64 = 0.95;
-/// Pressures that an oil supply may have, Pa.
-const OF_OIL_PA: [f64; 2] = [0.5e6, 50e6];
 
 /// A unit that a header names, with the range beside it, the lesser end first.
 #[derive(Clone, Debug, PartialEq)]
 struct StatedUnit {
     unit: String,
     range: Option<[f64; 2]>,
+    /// The ends between which values may be in it.
+    limits: [f64; 2],
     /// Values that may be in it.
     held: u64,
 }
 
 impl StatedUnit {
-    /// Whether a value may be in this unit: within its range, or without one within what a position, a transmitter or an oil supply has.
-    fn may_hold(&self, value: f64) -> bool {
-        let is_within = |[low, high]: [f64; 2]| {
-            let beyond = BEYOND * (high - low);
-            (low - beyond..=high + beyond).contains(&value)
+    /// A unit whose values are within its range, or without one within what a position, a transmitter or an oil supply has.
+    fn new(unit: String, range: Option<[f64; 2]>) -> Self {
+        let widened = |[low, high]: [f64; 2]| [low - BEYOND * (high - low), high + BEYOND * (high - low)];
+        let limits = match (range, share(&unit), pressure(&unit), plain(&unit).as_str()) {
+            (Some(range), ..) => widened(range),
+            (_, Some(share), ..) => widened([-1.0, 1.0].map(|end| end / share.apply(1.0))),
+            (_, _, Some(pressure), _) => {
+                let zero_pa = pressure.apply(0.0);
+                [*TANK_PA.start(), *TANK_PA.end()].map(|pa| (pa - zero_pa) / (pressure.apply(1.0) - zero_pa))
+            }
+            (.., "ma") => widened([0.0, 20.0]),
+            (.., "v") => widened([-10.0, 10.0]),
+            _ => [f64::NEG_INFINITY, f64::INFINITY],
         };
-        match (self.range, share(&self.unit), pressure(&self.unit), plain(&self.unit).as_str()) {
-            (Some(range), ..) => is_within(range),
-            (_, Some(unit), ..) => is_within([-1.0, 1.0].map(|end| end / unit.apply(1.0))),
-            (_, _, Some(unit), _) => (OF_OIL_PA[0]..=OF_OIL_PA[1]).contains(&unit.apply(value)),
-            (.., "ma") => is_within([0.0, 20.0]),
-            (.., "v") => is_within([-10.0, 10.0]),
-            _ => true,
-        }
+        Self { unit, range, limits, held: 0 }
     }
 
     fn text(&self) -> String {
@@ -63,7 +65,7 @@ impl SeveralUnits {
     pub(super) fn of(header: &str, taken: &str) -> Option<Self> {
         let mut units = named(header);
         if !taken.is_empty() && !units.iter().any(|one| is_same(&one.unit, taken)) {
-            units.push(StatedUnit { unit: taken.to_owned(), range: None, held: 0 });
+            units.push(StatedUnit::new(taken.to_owned(), None));
         }
         (units.len() > 1).then(|| Self { units, taken: taken.to_owned(), count: 0 })
     }
@@ -72,7 +74,7 @@ impl SeveralUnits {
     pub(super) fn take(&mut self, value: f64) {
         self.count += 1;
         for one in &mut self.units {
-            one.held += u64::from(one.may_hold(value));
+            one.held += u64::from((one.limits[0]..=one.limits[1]).contains(&value));
         }
     }
 
@@ -131,7 +133,7 @@ fn named(header: &str) -> Vec<StatedUnit> {
         }
         // Directly before a number, and behind another sign than itself or a blank, it is no dash.
         let is_minus = at > 0 && MINUS.contains(&letters[at - 1]);
-        let before = between.strip_suffix(MINUS).unwrap_or(between).trim_end_matches(MINUS);
+        let before = between.trim_end_matches(MINUS);
         let is_first = numbers.is_empty() && (at < 2 || !letters[at - 2].is_alphanumeric());
         let is_behind = !numbers.is_empty() && !before.is_empty() && !before.ends_with(['+', '/', '±']);
         numbers.push(if is_minus && (is_first || is_behind) { -size } else { size });
@@ -159,7 +161,7 @@ fn named(header: &str) -> Vec<StatedUnit> {
         }
         let [low, high] = [numbers.iter().copied().reduce(f64::min), numbers.iter().copied().reduce(f64::max)];
         let range = low.zip(high).filter(|(low, high)| low < high).map(|(low, high)| [low, high]);
-        (range.is_some() || alone.iter().any(|one| is_same(one, &unit))).then_some(StatedUnit { unit, range, held: 0 })
+        (range.is_some() || alone.iter().any(|one| is_same(one, &unit))).then(|| StatedUnit::new(unit, range))
     };
     found.into_iter().filter_map(of).collect()
 }
