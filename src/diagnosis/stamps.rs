@@ -2,8 +2,6 @@
 
 use crate::decision::Decision;
 use crate::hypotheses::Explored;
-use crate::identification::free_parameter::FreeParameter;
-use crate::model::FittedModel;
 use crate::summary::claimed;
 use crate::words::WRONG_DATA;
 
@@ -17,8 +15,9 @@ const IN_TIME: (f64, f64) = (0.1, 0.02);
 /// Says in a sentence that one of the two inputs is stamped late, where that explains what is named: clocks that are off, and a delay by which the other
 /// input is in time.
 pub fn late_stamps(explored: &Explored, decision: &Decision) -> Option<String> {
-    let model = claimed(explored, decision);
-    let size = |id: &str| decision.blamed.contains(&id).then(|| size(model, id)).flatten();
+    let effects = claimed(explored, decision).unit().effects;
+    let blamed = effects.iter().filter(|effect| decision.blamed.contains(&effect.id.as_str()));
+    let size = |id: &str| blamed.clone().find(|effect| effect.id == id)?.values.first().copied();
     let offset_s = size("clock_offset").filter(|offset_s| *offset_s > 0.0)?;
     let in_time_s = IN_TIME.0 * offset_s + IN_TIME.1;
     let [command, esv] = INPUTS.map(|(name, delay)| (name, offset_s - size(delay).unwrap_or(0.0)));
@@ -29,11 +28,4 @@ pub fn late_stamps(explored: &Explored, decision: &Decision) -> Option<String> {
          Record both by one clock; if the {late} arrived in time, `--stamp log` reads it when it was recorded.",
         late_s * 1e3
     ))
-}
-
-/// The first parameter of an effect of a model, in its unit.
-fn size(model: &FittedModel, id: &str) -> Option<f64> {
-    let is_its = |free_parameter: &FreeParameter| matches!(free_parameter, FreeParameter::Effect { effect, .. } if model.base.effects[*effect].id == id);
-    let k = model.free_parameters.iter().position(is_its)?;
-    Some(model.free_parameters[k].value(&model.base, model.fit.positions[k]))
 }
